@@ -38,7 +38,7 @@ from .run_changes import RunChanges, apply_changes, parse_tick
 
 @dataclass(frozen=True, slots=True)
 class Reason:
-    """One changed thing, with its values; empty where there is no value."""
+    """Difference between recorded and present state, with both values; empty: no value."""
 
     what: str
     recorded: str
@@ -192,7 +192,7 @@ class Resimulation:
     """Whether the log has all messages that the comparison covers."""
     difference: message_differences.MessageDifference | None
     trees: message_differences.MessageDifference | None
-    """First difference of the trees as they were loaded; None: they are equal."""
+    """First difference of the loaded trees; None: they are equal."""
     reasons: tuple[Reason, ...]
     notes: tuple[str, ...]
     parting: tuple[str, ...]
@@ -261,10 +261,10 @@ class Resimulation:
             what += " up to where the recorded run was cut off"
         elif self.until is not None:
             what += f" up to tick {self.last_tick}"
-        said = f"{what}: {self.ticks} ticks, {self.seconds:.2f} simulated s"
+        text = f"{what}: {self.ticks} ticks, {self.seconds:.2f} simulated s"
         if self.changes:
-            return said
-        return f"{said}, digest {self.digest[:16]}" if self.exact else f"{said}, in all that this log tells"
+            return text
+        return f"{text}, digest {self.digest[:16]}" if self.exact else f"{text}, in all that this log tells"
 
     def _why(self) -> Iterator[str]:
         first = "besides" if self.changes else "likely why"
@@ -272,7 +272,7 @@ class Resimulation:
             yield f"{first if n == 0 else '':<10}  {reason}"
         if not self.reasons and not self.changes:
             yield "likely why  nothing in the log is otherwise: not picktree, its libraries, the arithmetic."
-            yield "            What is left is a clock, the order of a set or a global generator in a"
+            yield "            Possible causes: a clock, the order of a set or a global generator in a"
             yield "            plug-in, or a fault of picktree"
 
 
@@ -467,9 +467,9 @@ def _run_in_process(order: ResimOrder, progress: Callable[[float], None]) -> Res
     )
     answer: ResimAnswer | None = None
     try:
-        given, answers = cast("IO[bytes]", process.stdin), cast("IO[bytes]", process.stdout)
-        with given:
-            given.write(ORDER.dump_json(order))
+        order_stream, answers = cast("IO[bytes]", process.stdin), cast("IO[bytes]", process.stdout)
+        with order_stream:
+            order_stream.write(ORDER.dump_json(order))
         for line in answers:
             answer = ANSWER.validate_json(line)
             if answer.at is not None:

@@ -13,7 +13,7 @@ from picktree.logs import RunRecord
 
 
 class Run(RunRecord):
-    """One run, from its log alone, also when it was cut off.
+    """Run, read from its log alone, also when it was cut off.
 
     `where` is a log file, a run's folder, or `last`. Times are simulated seconds, lengths m, angles rad,
     forces N; poses are in the world. Everything is read on the first request, and then kept; `ticks` and

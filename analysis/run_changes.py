@@ -83,37 +83,39 @@ class ChangedRecipe:
 
 def apply_changes(changes: RunChanges, recorded: run_recipe.Recipe) -> ChangedRecipe:
     """Apply the changes. Raises PicktreeError (FileError with all its errors for a faulty file)."""
-    recipe, told = recorded, list[str]()
+    recipe, sentences = recorded, list[str]()
     warnings: tuple[Diagnostic, ...] = ()
     if changes.scene is not None:
         scene = load_scene(changes.scene, Path.cwd())
         robot = load_robot(scene.robot, Path(scene.source).parent)
         recipe = replace(recipe, scene=scene, robot=robot, own_scene=False)
-        told += _line_changes("scene", recorded.scene.text, scene.text) or ["scene: the same text"]
+        sentences += _line_changes("scene", recorded.scene.text, scene.text) or ["scene: the same text"]
     if changes.mission is not None:
         mission, warnings = checked_mission(changes.mission, recipe)
-        told += _mission_changes(recorded, mission)
+        sentences += _mission_changes(recorded, mission)
         recipe = replace(recipe, mission=mission)
         if changes.scene is None and mission.scene != recorded.mission.scene:
-            told.append(f"it names the scene {mission.scene}; this run keeps {recorded.scene.name}")
+            sentences.append(f"it names the scene {mission.scene}; this run keeps {recorded.scene.name}")
     parameters, dropped = _settings(recipe, changes.settings)
-    told += [f"the mission has no {name!r}, which the run had set to {dropped[name]}" for name in dropped]
+    sentences += [
+        f"the mission has no {name!r}, which the run had set to {dropped[name]}" for name in dropped
+    ]
     for name, value in changes.settings.items():
         before = recorded.parameters.get(name)
-        told.append(f"set {name}: {value}" + ("" if before is None else f" instead of {before}"))
+        sentences.append(f"set {name}: {value}" + ("" if before is None else f" instead of {before}"))
     recipe = replace(recipe, parameters=parameters)
     if changes.faults is not None or changes.no_faults:
         faults = load_faults(changes.faults, recipe.scene, recipe.robot) if changes.faults else None
         recipe = replace(recipe, faults=faults)
         counts = ["none" if file is None else str(len(file.faults)) for file in (faults, recorded.faults)]
-        told.append(f"faults: {counts[0]} instead of {counts[1]}")
+        sentences.append(f"faults: {counts[0]} instead of {counts[1]}")
     if changes.seed is not None:
-        told.append(f"seed {changes.seed} instead of {recorded.seed}")
+        sentences.append(f"seed {changes.seed} instead of {recorded.seed}")
         recipe = replace(recipe, seed=changes.seed)
     other = dict(parameters) != dict(recorded.parameters) or _texts(recipe.mission) != _texts(
         recorded.mission
     )
-    return ChangedRecipe(recipe, tuple(told), warnings, other)
+    return ChangedRecipe(recipe, tuple(sentences), warnings, other)
 
 
 def checked_mission(path: Path, recipe: run_recipe.Recipe) -> tuple[Mission, tuple[Diagnostic, ...]]:
@@ -131,12 +133,12 @@ def checked_mission(path: Path, recipe: run_recipe.Recipe) -> tuple[Mission, tup
     return check.mission, tuple(fault for fault in check.faults if fault.severity == "warning")
 
 
-def _settings(recipe: run_recipe.Recipe, given: Mapping[str, str]) -> tuple[dict[str, str], dict[str, str]]:
+def _settings(recipe: run_recipe.Recipe, own: Mapping[str, str]) -> tuple[dict[str, str], dict[str, str]]:
     """Return all settings, and the settings of parameters that another mission does not have."""
     known = {port.key for port in recipe.mission.parameters}
     dropped = {k: v for k, v in recipe.parameters.items() if "." not in k and k not in known}
     kept = {k: v for k, v in recipe.parameters.items() if k not in dropped}
-    return {**kept, **given}, dropped
+    return {**kept, **own}, dropped
 
 
 def _mission_changes(recorded: run_recipe.Recipe, mission: Mission) -> Iterator[str]:
@@ -158,12 +160,12 @@ def _line_changes(what: str, before: str, after: str, most: int = 3) -> list[str
     ones, others = before.splitlines(), after.splitlines()
     matcher = difflib.SequenceMatcher(None, ones, others, autojunk=False)
     blocks = [block for block in matcher.get_opcodes() if block[0] != "equal"]
-    told: list[str] = []
+    lines: list[str] = []
     for _, a, b, c, d in blocks[:most]:
-        told.append(f"{what} line {c + 1}: {_block_change(ones[a:b], others[c:d])}")
+        lines.append(f"{what} line {c + 1}: {_block_change(ones[a:b], others[c:d])}")
     if len(blocks) > most:
-        told.append(f"{what}: {len(blocks) - most} more places")
-    return told
+        lines.append(f"{what}: {len(blocks) - most} more places")
+    return lines
 
 
 def _block_change(old: Sequence[str], new: Sequence[str]) -> str:

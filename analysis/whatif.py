@@ -29,7 +29,7 @@ class NodeTransfers:
     kept: int
     """Number of nodes that keep their state."""
     fresh: tuple[str, ...]
-    """Nodes that start afresh: path or type is new, or the element at which they stood is gone."""
+    """Nodes that start afresh: their path or type is new, or their element of an iteration is gone."""
     gone: tuple[str, ...]
 
 
@@ -83,13 +83,13 @@ class Continuation:
             *([f"the log     {self.recorded.recovered}"] if self.recorded.recovered else []),
             f"goes on     {self._from()}",
             *(f"changed     {line}" for line in self.changes or ("nothing",)),
-            *self._fates(),
+            *self._node_transfer_lines(),
         ]
         if self.difference is None:
             lines.append(self._same())
         lines += ["", *outcome_table(self.recorded, self.now, "recorded", "what if")]
         if self.difference is not None:
-            lines += ["", *self._apart(self.difference)]
+            lines += ["", *self._divergence_lines(self.difference)]
         lines.append(f"new log     {self.new_log}")
         return "\n".join(lines)
 
@@ -125,20 +125,19 @@ class Continuation:
         moment = f"tick {self.at_tick} ({self.at:.2f} s)"
         if not self.checkpoint:
             return f"from the beginning: there is no checkpoint at or before {moment}"
-        asked = f"the last checkpoint before {moment}"
+        requested = f"the last checkpoint before {moment}"
         if self.start_tick == self.at_tick:
-            asked = "the tick that was asked for"
+            requested = "the tick that was asked for"
         name = self.checkpoint.removesuffix(".json")
-        return (
-            f"from {name}, {asked}: tick {self.start_tick}, {self.start:.2f} s, {self.items_done} items done"
-        )
+        start = f"tick {self.start_tick}, {self.start:.2f} s, {self.items_done} items done"
+        return f"from {name}, {requested}: {start}"
 
-    def _fates(self) -> Iterator[str]:
+    def _node_transfer_lines(self) -> Iterator[str]:
         nodes = self.nodes
         if nodes is None:
             return
         fresh, gone = len(nodes.fresh), len(nodes.gone)
-        yield f"nodes       {nodes.kept} go on as they were, {fresh} begin anew, {gone} are gone"
+        yield f"nodes       {nodes.kept} keep their state, {fresh} begin anew, {gone} are gone"
         for word, paths in (("anew", nodes.fresh), ("gone", nodes.gone)):
             for path in paths[:_MAX_NAMED_NODES]:
                 yield f"  {word}      {path}"
@@ -152,7 +151,7 @@ class Continuation:
         how = ", byte for byte" if self.exact and not self.changes else ""
         return f"{what}: {self.ticks} ticks{how}"
 
-    def _apart(self, difference: message_differences.MessageDifference) -> Iterator[str]:
+    def _divergence_lines(self, difference: message_differences.MessageDifference) -> Iterator[str]:
         for line in self.parting:
             yield (
                 line.replace(" s:", " s (A: recorded, B: what if):", 1) if line in self.parting[:1] else line
@@ -195,7 +194,7 @@ def what_if(
     """
     changes = changes or RunChanges()
     if changes.seed is not None or changes.scene is not None:
-        raise PicktreeError("a what-if goes on with the seed and the scene of the run; `resim` takes others")
+        raise PicktreeError("a what-if keeps the seed and the scene of the run; `resim` takes others")
     with Run(where) as run, RecordedRun(run) as recorded:
         run.log.require_repeatable()
         tick = parse_tick(at, run, "--at")

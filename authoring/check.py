@@ -25,7 +25,7 @@ _CODE = "P240"
 
 
 def check_scene_names(reading: MissionReadResult, known: SceneNames) -> Iterator[Diagnostic]:
-    """Yield an error for each literal, and each default in use, that names nothing of scene or robot.
+    """Yield an error for each literal, and each default in use, with an unknown name of scene or robot.
 
     Trees of other files count only where the mission uses them.
     """
@@ -43,8 +43,8 @@ def check_scene_names(reading: MissionReadResult, known: SceneNames) -> Iterator
     for name, keys in circuit.keys.items():
         if name in used or keys.tree.mark.file == own:
             for placed in keys.places.values():
-                for asked in data_flow.expressions_of(placed.spec):
-                    yield from _check_expression(placed, asked, keys, attributes, reading.pointer)
+                for use in data_flow.expressions_of(placed.spec):
+                    yield from _check_expression(placed, use, keys, attributes, reading.pointer)
                 yield from _check_cases(placed, attributes, known)
 
 
@@ -53,11 +53,11 @@ def _named(arrival: data_flow.ArrivingValue, known: SceneNames) -> Iterator[Diag
     if what is None or arrival.problem is not None:
         return
     names = known.names.get(what, ())
-    given = [name for value in values for name in (value if isinstance(value, list) else [value])]
-    wrong = [name for name in given if name not in names]
+    texts = [name for value in values for name in (value if isinstance(value, list) else [value])]
+    wrong = [name for name in texts if name not in names]
     if what == "planner":
         wrong = [name for name in wrong if not planner_names.is_planner(str(name))]
-    if wrong and (arrival.source.certain or len(wrong) == len(given)):
+    if wrong and (arrival.source.certain or len(wrong) == len(texts)):
         owner = f"robot {known.robot!r}" if what == "pose" else f"scene {known.scene!r}"
         lacks = f"the {owner} has no {what} {wrong[0]!r}"
         fault = planner_names.unknown_planner(str(wrong[0])) if what == "planner" else lacks
@@ -85,22 +85,22 @@ def _attributes(known: SceneNames) -> Mapping[str, ValueType]:
 
 def _check_expression(
     placed: data_flow.PlacedNode,
-    asked: data_flow.NodeExpression,
+    use: data_flow.NodeExpression,
     keys: data_flow.TreeKeys,
     attributes: Mapping[str, ValueType],
     pointer: references.ExpressionLocator,
 ) -> Iterator[Diagnostic]:
-    """Check an expression that is valid in general, but may not be with the names of this scene."""
-    if not asked.expression.paths:
+    """Check a valid expression against the names of this scene."""
+    if not use.expression.paths:
         return
     try:
-        check_types(asked.expression, keys, references.ATTRIBUTE_TYPES)
+        check_types(use.expression, keys, references.ATTRIBUTE_TYPES)
     except expression_syntax.ExpressionError:
         return  # reported already
     try:
-        check_types(asked.expression, keys, attributes)
+        check_types(use.expression, keys, attributes)
     except expression_syntax.ExpressionError as error:
-        yield expression_fault(placed, asked, error, pointer, _CODE)
+        yield expression_fault(placed, use, error, pointer, _CODE)
 
 
 def _check_cases(

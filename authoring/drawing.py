@@ -28,7 +28,7 @@ _DRAWERS: Final[Mapping[Suffix, _Drawer]] = {".svg": svg, ".html": html, ".dot":
 
 
 def suffix_of(name: str) -> Suffix:
-    """Return the drawing format of a file name. Raises PicktreeError when there is none."""
+    """Return the drawing format of a file name. Raises PicktreeError for an unknown suffix."""
     for suffix in _DRAWERS:
         if name.lower().endswith(suffix):
             return suffix

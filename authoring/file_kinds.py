@@ -1,4 +1,4 @@
-"""Kinds of files but plans of batches: their checks, and the schemas of all but missions."""
+"""Kinds of files without plans of batches: their checks, and the schemas of all except missions."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from picktree.world import Array
 
 TEST_SCENE = "self_test"
-"""Scene of a robot's self-test, for which a robot file is checked by itself."""
+"""Scene of a robot's self-test, with which a robot file is checked."""
 
 
 def check_cell(document: Document) -> tuple[Diagnostic, ...]:
@@ -61,7 +61,7 @@ def mission_faults(document: Document, files: MissionFiles | None = None) -> Ite
 
 
 def _robot(document: Document) -> Iterable[Diagnostic]:
-    """Check a robot; one that nothing is wrong with also in the scene of its self-test."""
+    """Check a robot, and one without errors also in the scene of its self-test."""
     found = robot_file.check_robot(document)
     if found.value is None:
         return found.faults
@@ -86,9 +86,9 @@ def _hidden_items(
         return  # a model of which no run can be made: `picktree robot test` says why
     if min(shares.values(), default=0.0) <= MAX_HIDDEN_SHARE:
         return
-    told = ", ".join(f"{100 * share:.0f} % from {camera}" for camera, share in shares.items())
+    shares_text = ", ".join(f"{100 * share:.0f} % from {camera}" for camera, share in shares.items())
     of = f" of the scene {scene.name!r}" if document.kind == "robot" else ""
-    message = f"the arm of {robot.name!r} at 'home' hides where the items{of} are: {told}"
+    message = f"the arm of {robot.name!r} at 'home' hides where the items{of} are: {shares_text}"
     hint = (
         f"choose another 'home' under 'poses:' in {Path(robot.source).name}, or move the camera; at most "
         f"{100 * MAX_HIDDEN_SHARE:.0f} % may be hidden"
@@ -210,7 +210,7 @@ def _faults() -> Schema:
 
 
 def _propose(found: Schema, key: str, names: tuple[str, ...]) -> None:
-    """Add names that a key may have, among others."""
+    """Add proposed names for a key; others are allowed."""
     properties = schema(found["properties"])
     properties[key] = schema(properties[key]) | {"examples": list(names)}
     found["properties"] = properties

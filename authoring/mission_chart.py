@@ -57,7 +57,8 @@ class Rule:
 
 @dataclass(frozen=True, slots=True)
 class ChartNode:
-    """One node. `calls` names the tree of a sub-tree node, which has the branches; `doc` names its file."""
+    """Node of a chart. `calls` names the tree of a sub-tree node, which has the branches; `doc` names its
+    file."""
 
     id: str
     name: str
@@ -110,7 +111,7 @@ class Branch:
 
 @dataclass(frozen=True, slots=True)
 class ChartTree:
-    """One tree of the mission with its ports."""
+    """Tree of the mission with its ports."""
 
     name: str
     place: str
@@ -134,7 +135,7 @@ class Chart:
 
     @property
     def size(self) -> int:
-        """Number of nodes written in all trees."""
+        """Number of written nodes in all trees."""
         return sum(1 for tree in self.trees for _ in tree.root.iterate())
 
 
@@ -162,7 +163,7 @@ CHARACTERS: Final[Mapping[Symbol, str]] = {
     "fallback": "?", "force": "!", "loop": "↻", "not": "¬", "parallel": "⇉", "recover": "✚",
     "sequence": "→", "subtree": "▣",
 }  # fmt: skip
-"""One character for each symbol, as in the literature where one is usual."""
+"""Character for each symbol, as usual in the literature."""
 MEANINGS: Final[Mapping[Symbol, str]] = {
     "action": "action", "branch": "one branch by a value", "clock": "decorator of time",
     "condition": "condition", "control": "control node", "decorator": "decorator", "fallback": "fallback",
@@ -268,7 +269,7 @@ class _Charting:
     def _written(
         self, spec: NodeSpec, kind: Kind, symbol: Symbol, ports: tuple[PortDeclaration, ...]
     ) -> ChartNode:
-        """Return a node with all that the file's text says of it."""
+        """Return a node with its content in the file's text."""
         bound = ((port, spec.ports[port.key]) for port in ports if port.key in spec.ports)
         left_out = (port for port in ports if port.direction == "in" and port.key not in spec.ports)
         return ChartNode(

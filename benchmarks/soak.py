@@ -85,7 +85,7 @@ def soak(given: argparse.Namespace, diary: Path) -> None:
             watcher = Diary(diary, 1 + len(folders), say=False, seconds=seconds)
             asked = ResumeRequest(folders[-1], given.out, until + OVERTIME, FEED_ROTATION)
             resumption = stack.enter_context(Resumption(asked))
-            print(resumption.told, file=sys.stderr, flush=True)
+            print(resumption.description, file=sys.stderr, flush=True)
             session = resumption.session([watcher])
         else:
             watcher = Diary(diary, say=False, seconds=seconds)

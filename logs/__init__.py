@@ -1,4 +1,4 @@
-"""The record of a run: what it holds, how it is written, and how it is read."""
+"""Log of a run: its records, its writer and its readers."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Arithmetic of a run: properties that decide about the last bit, and how two differ."""
+"""Arithmetic of a run: properties that determine the last bit of its numbers, and their comparison."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ PREFIXES: Final = ("version of ", "kernels of ", "probe of ", "departure of ")
 
 @dataclass(frozen=True)
 class Arithmetic:
-    """Properties that decide about the last bit of a floating-point number; empty where they were not
+    """Properties that determine the last bit of a floating-point number; empty where they were not
     recorded."""
 
     versions: Mapping[str, str] = field(default_factory=dict[str, str])
-    """Version of each library that computes, of glibc and of Python."""
+    """Versions of the numerical libraries, of glibc and of Python."""
     kernels: Mapping[str, str] = field(default_factory=dict[str, str])
     """Kernels in use by library."""
     probe: Mapping[str, str] = field(default_factory=dict[str, str])

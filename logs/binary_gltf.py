@@ -225,7 +225,7 @@ MAX_LINK_FACES = 2000
 
 
 def _visible_geometry(urdf: str) -> list[urdf_parser.UrdfMesh | urdf_parser.UrdfPrimitive | LinkShape]:
-    """Return the visual geometry, and the bodies with which links without any collide."""
+    """Return the visual geometry, and collision bodies for links without visual geometry."""
     visual = urdf_parser.link_geometry(urdf, "visual")
     seen = {element.link for element in visual}
     return [*visual, *(part for part in link_shapes(urdf) if part.link not in seen)]
@@ -235,9 +235,8 @@ def _visible_geometry(urdf: str) -> list[urdf_parser.UrdfMesh | urdf_parser.Urdf
 def link_meshes(urdf: str) -> tuple[LinkMesh, ...]:
     """Return a mesh for each link that has a shape.
 
-    A link that is not seen is drawn as it collides. Meshes that were made before come from the disk cache.
-    Raises PicktreeError for a mesh that cannot be read: file, link, and a remedy.
-    """
+    A link without visual geometry is drawn with its collision geometry. Meshes that were made before come
+    from the disk cache. Raises PicktreeError for a mesh that cannot be read: file, link, and a remedy."""
     geometry = _visible_geometry(urdf)
     files = disk_cache.cached_arrays(
         "link-meshes", _inputs(geometry), _MAKERS, lambda: _encoded_links(urdf, geometry)
@@ -255,7 +254,7 @@ _MAKERS = (
 def _inputs(
     geometry: Sequence[urdf_parser.UrdfMesh | urdf_parser.UrdfPrimitive | LinkShape],
 ) -> Iterator[str | bytes | Path]:
-    """Yield all that the meshes of this geometry are made from."""
+    """Yield all inputs of this geometry's meshes."""
     yield str(MAX_LINK_FACES)
     for element in geometry:
         if isinstance(element, urdf_parser.UrdfMesh):

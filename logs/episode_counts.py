@@ -16,11 +16,11 @@ class CureCount:
 
     cause: str
     cure: str
-    """Cure that was tried last; empty when nothing was tried."""
+    """Last attempted cure; empty without an attempt."""
     seen: int = 0
     cured: int = 0
     given_up: int = 0
-    """Number of episodes tried in vain. `seen` is the sum of the five ends."""
+    """Number of episodes with vain cures. `seen` is the sum of the five ends."""
     unhandled: int = 0
     open: int = 0
     tries: int = 0
@@ -40,7 +40,7 @@ class CureCount:
 
     @property
     def to_cure(self) -> int:
-        """Number of episodes that a cure was needed for: all but those done instead."""
+        """Number of episodes that needed a cure: all except those with the end `done_instead`."""
         return self.seen - self.done_instead
 
     @property

@@ -1,4 +1,4 @@
-"""Events in a log: the kinds that the recorder itself adds, and the way between events and their records."""
+"""Events in a log: the kinds that the recorder itself adds, and the conversion of events into records."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from .log_records import BodyRecord, Event, decode, record_adapter
 
 
 class ImageEvent(JournalEvent, kind="image"):
-    """A camera took an image."""
+    """Image of a camera."""
 
-    findings: Annotated[tuple[str, ...], "what perception found in it, a line each"] = ()
+    findings: Annotated[tuple[str, ...], "results of perception in it, a line each"] = ()
 
 
 class BeliefEvent(JournalEvent, kind="belief"):
-    """The belief changed."""
+    """Change of the belief."""
 
     version: Annotated[int, "version of the belief after the change"]
     object: Annotated[str, "id of the object in the belief"]
@@ -90,15 +90,17 @@ def _shared_values(kinds: Iterable[type[JournalEvent]]) -> dict[str, dict[str, o
     for kind in kinds:
         for each in event_fields(kind):
             found.setdefault(each.name, []).append(value_schema(_recorded_type(kind, each)))
-    alike = {name: said[0] for name, said in found.items() if all(each == said[0] for each in said)}
-    return {name: said for name, said in alike.items() if is_viewable(said)}
+    alike = {
+        name: schemas[0] for name, schemas in found.items() if all(each == schemas[0] for each in schemas)
+    }
+    return {name: schemas for name, schemas in alike.items() if is_viewable(schemas)}
 
 
 def _recorded_type(kind: type[JournalEvent], value: RecordField) -> object:
     """Return the type of a recorded value. One whose default is None is left out while it is None."""
-    given = [arm for arm in get_args(value.hint) if arm is not types.NoneType]
+    arms = [arm for arm in get_args(value.hint) if arm is not types.NoneType]
     left_out = value.default is None and kind.data is JournalEvent.data
-    return given[0] if left_out and len(given) == 1 else value.hint
+    return arms[0] if left_out and len(arms) == 1 else value.hint
 
 
 def _body(value: object) -> BodyRecord | None:

@@ -8,7 +8,7 @@
   again, or its next branch. A branch that does nothing, such as `AlwaysSuccess`, is no cure. When that
   handler fails in the end and one further up handles the failure, the episode continues there. So it is
   counted once.
-- *By what.* The cure that ran last against this cause: the sub-tree or the nodes of the handler. It is `Grasp
+- *By.* The cure that ran last against this cause: the sub-tree or the nodes of the handler. It is `Grasp
   again` where only the branch ran again, and the next branch of a `Fallback` or a `RoundRobin`.
 - *Tries.* Runs after the failure that could succeed: 1 when the first of them did.
 - *Cured* when the handling node then succeeds, and with it the work that had failed. After the same branch
@@ -61,7 +61,7 @@ _FALLBACK_NODES = frozenset({"Fallback", "ReactiveFallback"})
 
 
 class NodeLike(Protocol):
-    """A node as a tree's record has it; the parent of the root is None or empty."""
+    """Node in the record of a tree; the parent of the root is None or empty."""
 
     @property
     def path(self) -> str: ...
@@ -74,7 +74,7 @@ class NodeLike(Protocol):
 
 
 class TransitionLike(Protocol):
-    """A node that began or ended; see `records.Transition`."""
+    """Start or end of a node; see `log_records.Transition`."""
 
     @property
     def path(self) -> str: ...
@@ -124,7 +124,7 @@ class InjectedFault:
     """Injected fault after which nothing has been decided yet."""
 
     time: float
-    """Simulated s."""
+    """Time of the fault, simulated s."""
     fault: str
     """Kind of the fault: `remove`, `slip`, …"""
     message: str
@@ -134,7 +134,7 @@ class InjectedFault:
 
 @dataclass
 class OpenEpisode:
-    """An episode that is not decided yet."""
+    """Episode without a decision yet, which the tracker calls a trouble."""
 
     cause: str
     node: str
@@ -142,18 +142,18 @@ class OpenEpisode:
     times: list[float]
     """Times of its failures, s."""
     took: float
-    """Duration of the failed node, s; 0 where another trouble bears it."""
+    """Duration of the failed node, s; 0 when another trouble is charged with it."""
     by: str = ""
     handler: str = ""
     tried: list[str] = field(default_factory=list[str])
     tries: int = 0
     seconds: float = 0.0
     planted: list[InjectedFault] = field(default_factory=list[InjectedFault])
-    """Faults after which it was the first."""
+    """Injected faults whose first following failure belongs to this episode."""
     failures: list[tuple[str, float]] = field(default_factory=list[tuple[str, float]])
     """Path and time (s) of each failure; without those of conditions."""
     came_up: float = 0.0
-    """When it last went up to a node around, s."""
+    """Time of its last propagation to a parent node, s."""
 
 
 FailureKey: TypeAlias = tuple[str, str, str]
@@ -162,41 +162,42 @@ FailureKey: TypeAlias = tuple[str, str, str]
 
 @dataclass
 class RunningNode:
-    """A node between its beginning and its end. Troubles are told by their numbers."""
+    """Running node with the troubles that it handles, by their numbers."""
 
     path: str
     start: float
     subject: str
     taken: list[int] = field(default_factory=list[int])
-    """Troubles that it takes care of."""
+    """Numbers of the troubles that it handles."""
     arrived: list[int] = field(default_factory=list[int])
-    """Troubles that have come up from below; what it does about them shows in what it does next."""
+    """Numbers of the troubles that its children have passed up. Its next action shows whether it handles
+    them."""
     failed: str = ""
-    """Path of the child whose failure it deals with, or dealt with last."""
+    """Path of the child whose failure it handles, or handled last."""
     failing: int = -1
-    """Trouble with which that child failed."""
+    """Number of the trouble with which that child failed."""
     run: float = 0.0
-    """When the present run of the branch began, or the one that failed last, s."""
+    """Start of the present run of the branch, or of the last failed one, s."""
     about: list[str] = field(default_factory=list[str])
     """Items that nodes below have named since then."""
     failed_about: list[str] = field(default_factory=list[str])
-    """The same of the runs before."""
+    """Items that nodes below named in the earlier runs."""
     worked: list[str] = field(default_factory=list[str])
-    """Items that a skill has succeeded on since then."""
+    """Items for which a skill has succeeded since then."""
     borne: float = 0.0
-    """Time that troubles within have cost since then, s."""
+    """Time that is charged to inner troubles since then, s."""
     dealing: bool = False
-    """A run has failed, and the next one has not begun."""
+    """Whether a run has failed, and the next one has not begun."""
     called: str = ""
-    """Handler that was told of and has not begun."""
+    """Announced handler that has not begun."""
     aside: bool = False
-    """The item was set aside since a trouble was taken up."""
+    """Whether the item was set aside since a trouble was taken up."""
     answers: bool = False
-    """It is one that tells which handler it runs."""
+    """Whether the node announces the handler that it runs."""
     instead: str = ""
-    """Handler that it told of last, where that is done instead of the branch; empty: none."""
+    """Last announced handler if it replaces the branch; empty: it does not."""
     again: bool = False
-    """It has run the child again whose failure had come up."""
+    """Whether it has run the failed child again."""
     failed_children: dict[str, FailureKey] = field(default_factory=dict[str, "FailureKey"])
     """Last failure of each child that failed, by the child's path."""
     settled: list[str] = field(default_factory=list[str])
@@ -216,16 +217,17 @@ class EpisodeTrackerState:
 
 
 class EpisodeTracker:
-    """Turns ticks into decisions: the outcomes of failures, of episodes and of injected faults, as events."""
+    """Tracker that derives decisions from ticks: outcomes of failures, episodes and injected faults, as
+    events."""
 
     def __init__(self, state: EpisodeTrackerState | None = None) -> None:
         state = deepcopy(state) if state is not None else EpisodeTrackerState()
         self._decisions: list[Decision] = []
-        """Decisions that were not handed over yet."""
+        """Decisions that were not returned yet."""
         self._open = {node.path: node for node in state.nodes}
         self._troubles = dict(state.troubles)
         self._waiting = list(state.planted)
-        """Faults after which nothing has failed yet."""
+        """Injected faults without a following failure yet."""
         self._number = state.number
         self._elsewhere = set(state.elsewhere)
         """Items that were put down outside of bins and holes, and not held since."""
@@ -234,7 +236,7 @@ class EpisodeTracker:
         self._parents: Mapping[str, str] = {}
         self._names = CureNames(())
         self._giving_up: frozenset[str] = frozenset()
-        """Branches that may set an item aside, and those that do nothing."""
+        """Paths of the branches that may set an item aside, or do nothing."""
         self._time = 0.0
 
     def state(self) -> EpisodeTrackerState:
@@ -257,8 +259,8 @@ class EpisodeTracker:
         self._names = CureNames(known)
         self._leaves = frozenset(node.path for node in known if not node.children)
         giving_up = [node.path for node in known if node.id == _SET_ASIDE]
-        self._giving_up = frozenset(path for each in giving_up for path in self._upwards(each))
-        inert = {node.path for node in known if node.id in _INERT and not node.children}
+        self._giving_up = frozenset(path for each in giving_up for path in self._path_and_ancestors(each))
+        inert = {node.path for node in known if node.id in _INERT_NODES and not node.children}
         for node in reversed(known):  # children come after their parents
             if node.children and inert.issuperset(node.children):
                 inert.add(node.path)
@@ -268,20 +270,20 @@ class EpisodeTracker:
             self._settle([*gone.taken, *gone.arrived], None, None, "open")
 
     def begun(self, time: float, paths: Iterable[str]) -> None:
-        """These were under way already before the first tick."""
+        """Take over the nodes that were running before the first tick."""
         for path in paths:
             self._open.setdefault(path, RunningNode(path, time, "", run=time))
 
     def take(
         self, time: float, changes: Iterable[TransitionLike], events: Sequence[JournalEvent] = ()
     ) -> tuple[Decision, ...]:
-        """Follow one tick and return the decisions of it.
+        """Follow one tick and return its decisions.
 
         `changes` are the starts and ends of nodes, in order.
         """
         self._time = round(time, 9)  # as the log has it
         aside = {event.node for event in events if isinstance(event, event_types.SetAsideEvent)}
-        self._notice(events)
+        self._track_place(events)
         for change in changes:
             if change.status == "RUNNING":
                 self._begin(change)
@@ -289,7 +291,7 @@ class EpisodeTracker:
                 self._end(change, change.path in aside or self._ids.get(change.path) == _SET_ASIDE)
         for event in events:
             if isinstance(event, event_types.RecoveryEvent):
-                self._told(event)
+                self._process_announcement(event)
             elif isinstance(event, event_types.ItemDoneEvent):
                 self._progress(event.object)
             elif isinstance(event, event_types.FaultEvent) and event.struck:
@@ -301,7 +303,7 @@ class EpisodeTracker:
         """Return what is open at the end of the run, or of its log, as such."""
         self._time = max(round(time, 9), self._time)
         for node in reversed(list(self._open.values())):
-            self._bear(node)
+            self._charge(node)
         for number in sorted(self._troubles):
             self._decide(number, "open", "open", None)
         for fault in self._waiting:
@@ -314,7 +316,7 @@ class EpisodeTracker:
         return decisions
 
     def copied(self) -> EpisodeTracker:
-        """Return a copy that goes on by itself."""
+        """Return an independent copy."""
         made = EpisodeTracker(self.state())
         made._ids, made._parents, made._names, made._time = self._ids, self._parents, self._names, self._time
         made._giving_up, made._leaves = self._giving_up, self._leaves
@@ -328,15 +330,15 @@ class EpisodeTracker:
             self._close(self._open.pop(path), halted=True)
         parent = self._open.get(self._parents.get(path, ""))
         if parent is not None:
-            self._goes_on(parent, path)
+            self._process_child_start(parent, path)
         self._open[path] = RunningNode(path, self._time, change.subject, run=self._time)
         if change.subject and not self._only_helps(path):
-            for around in self._around(path):
+            for around in self._ancestors(path):
                 if self._kind(around) == "choosing" and change.subject not in around.about:
                     around.about.append(change.subject)
 
-    def _goes_on(self, node: RunningNode, child: str) -> None:
-        """A node runs a child: the next one, the same again, or a cure."""
+    def _process_child_start(self, node: RunningNode, child: str) -> None:
+        """Process a start of a child: the next one, the same again, or a cure."""
         if child == node.failed and node.arrived and self._ids.get(node.path) != "ForEach":
             node.again = node.dealing = True
         kind = self._kind(node)
@@ -352,7 +354,7 @@ class EpisodeTracker:
         elif kind == "" and self._ids.get(node.path) != "Parallel":
             self._settle(node.arrived, node, node)
         if kind == "choosing" or child == node.failed or not node.failed:
-            self._bear(node)
+            self._charge(node)
             node.run, node.borne, node.dealing, node.called = self._time, 0.0, False, ""
             node.failed_about = list(dict.fromkeys((*node.failed_about, *node.about)))
             node.about, node.worked = [], []
@@ -375,32 +377,32 @@ class EpisodeTracker:
             self._close(node, halted=True)
         else:
             if change.status == "SUCCESS" and change.path in self._leaves and not self._only_helps(node.path):
-                for around in self._around(node.path):
+                for around in self._ancestors(node.path):
                     if node.subject in around.failed_about and node.subject not in around.worked:
                         around.worked.append(node.subject)
             self._succeeded(node)
             self._settle(node.arrived, self._open.get(self._parents.get(node.path, "")), node)
         if change.status == "SKIPPED":
-            self._was_no_cure(node)
+            self._drop_skipped_cure(node)
 
     def _succeeded(self, node: RunningNode) -> None:
-        """A node has succeeded: decide what it had taken up."""
+        """Decide the troubles that a node had taken up, after its success."""
         for number in [n for n in node.taken if n in self._troubles]:
             trouble = self._troubles[number]
             if node.instead and trouble.handler == node.instead:
                 self._decide(number, "done_instead", "branched", node)
-            elif not node.aside and self._got_on(node, trouble):
+            elif not node.aside and self._has_succeeded(node, trouble):
                 self._decide(number, "cured", "branched", node)
             elif not node.aside and (outer := self._handling_around(node.path)) is not None:
                 outer.taken.append(number)  # it ends as what `outer` handles meanwhile
             else:
                 self._decide(number, "given_up", "branched", node)
 
-    def _got_on(self, node: RunningNode, trouble: OpenEpisode) -> bool:
+    def _has_succeeded(self, node: RunningNode, trouble: OpenEpisode) -> bool:
         """Whether the work that had failed then succeeded.
 
-        The same branch did. Another one stands in for it only when a skill succeeded on an item of the branch
-        that failed, and the item was not put down elsewhere.
+        After another run of the same branch it did. Another branch counts only when a skill succeeded on an
+        item of the failed branch, and the item was not put down elsewhere.
         """
         if self._kind(node) != "choosing":
             return True
@@ -408,8 +410,8 @@ class EpisodeTracker:
         return not items or any(i in node.worked and i not in self._elsewhere for i in items)
 
     def _handling_around(self, path: str) -> RunningNode | None:
-        """The nearest node around that runs a cure for something else."""
-        for node in self._around(path):
+        """Return the nearest ancestor that runs a cure for another trouble; None without one."""
+        for node in self._ancestors(path):
             runs_a_cure = node.dealing or self._kind(node) == "choosing"
             if runs_a_cure and any(number in self._troubles for number in node.taken):
                 return node
@@ -417,10 +419,10 @@ class EpisodeTracker:
 
     def _only_helps(self, path: str) -> bool:
         """Whether a node names an item and does none of its work, such as a look."""
-        return self._ids.get(path) in _HELPING
+        return self._ids.get(path) in _HELPER_NODES
 
-    def _notice(self, events: Iterable[JournalEvent]) -> None:
-        """Follow which items lie where a mission has put them down outside of bins and holes."""
+    def _track_place(self, events: Iterable[JournalEvent]) -> None:
+        """Track the items that the mission has put down outside of bins and holes."""
         for event in events:
             if isinstance(event, event_types.ItemDoneEvent) and not event.into:
                 self._elsewhere.add(event.object)
@@ -430,49 +432,50 @@ class EpisodeTracker:
                 self._elsewhere.discard(event.object)
 
     def _source(self, node: RunningNode, change: TransitionLike, by_itself: bool) -> None:
-        """Assign the failure of a node to a trouble: a new one, or one that has come up from below.
+        """Assign the failure of a node to a trouble: a new one, or one that a child has passed up.
 
         `by_itself`: the failure is not just that of a child.
         """
         failure = [(node.path, self._time)] if by_itself else []
         own = change.origin in ("", node.path)
-        same = self._with(change.cause, (*node.taken, *node.arrived))
+        same = self._last_of_cause(change.cause, (*node.taken, *node.arrived))
         if same is not None and (not own or self._troubles[same].node == node.path):
             self._troubles[same].failures += failure
             return
         if not own and change.cause in node.settled:
             return
-        around = list(self._around(node.path))
-        again = self._answered(change.cause, around)
+        around = list(self._ancestors(node.path))
+        again = self._pending_in_fallback(change.cause, around)
         if again is not None:
             self._troubles[again].times.append(self._time)
             self._troubles[again].failures += failure
             node.arrived.append(again)
             return
         began = self._time if not own or any(other.dealing for other in around) else node.start
-        number = self._arise(node, change.cause, change.origin or node.path, self._time - began)
+        number = self._open_trouble(node, change.cause, change.origin or node.path, self._time - began)
         self._troubles[number].failures = failure
         self._troubles[number].planted, self._waiting = self._waiting, []
         node.arrived.append(number)
 
-    def _arise(self, node: RunningNode, cause: str, origin: str, took: float = 0.0) -> int:
+    def _open_trouble(self, node: RunningNode, cause: str, origin: str, took: float = 0.0) -> int:
         """Return the number of a new trouble at or below the node."""
-        subject = next((n.subject for n in (node, *self._around(node.path)) if n.subject), "")
+        subject = next((n.subject for n in (node, *self._ancestors(node.path)) if n.subject), "")
         self._number += 1
         self._troubles[self._number] = OpenEpisode(cause, origin, subject, [self._time], took)
         return self._number
 
-    def _answered(self, cause: str, around: Iterable[RunningNode]) -> int | None:
-        """The trouble of this cause that a Fallback around is just going another way for."""
+    def _pending_in_fallback(self, cause: str, around: Iterable[RunningNode]) -> int | None:
+        """Return the trouble of this cause for which a Fallback above runs its next branch; None without
+        one."""
         for node in around:
-            same = self._with(cause, node.taken) if self._kind(node) == "choosing" else None
+            same = self._last_of_cause(cause, node.taken) if self._kind(node) == "choosing" else None
             if same is not None:
                 return same
         return None
 
     def _close(self, node: RunningNode, *, cause: str = "", halted: bool = False) -> None:
-        """A node has failed or was halted: what it leaves undecided goes up."""
-        self._bear(node)
+        """Pass the undecided troubles of a failed or halted node up to its parent."""
+        self._charge(node)
         left = [n for n in dict.fromkeys((*node.taken, *node.arrived)) if n in self._troubles]
         parent = self._open.get(self._parents.get(node.path, ""))
         if parent is None:
@@ -483,19 +486,20 @@ class EpisodeTracker:
         handling = self._kind(parent) != ""
         for number in left:
             self._troubles[number].came_up = self._time
-            same = self._with(self._troubles[number].cause, parent.taken) if handling else None
+            same = self._last_of_cause(self._troubles[number].cause, parent.taken) if handling else None
             number = number if same is None else self._join(number, same)
             if number not in parent.arrived:
                 parent.arrived.append(number)
         if halted:
             return
         if not parent.dealing:  # else it was the cure that failed
-            failing = self._with(cause, parent.arrived)
+            failing = self._last_of_cause(cause, parent.arrived)
             parent.failed, parent.dealing = node.path, handling
             parent.failing = parent.failing if failing is None else failing
 
     def _progress(self, item: str) -> None:
-        """An item is done: what fails later in the same branches is not about it, nor was the time lost."""
+        """Process a finished item: later failures in the same branches do not concern it, and its time is not
+        lost."""
         for node in self._open.values():
             node.about = [each for each in node.about if each != item]
             if not node.dealing:
@@ -503,16 +507,16 @@ class EpisodeTracker:
 
     # What is done about it.
 
-    def _told(self, event: event_types.RecoveryEvent) -> None:
-        """A node says what it tries; the branch has just failed."""
+    def _process_announcement(self, event: event_types.RecoveryEvent) -> None:
+        """Process the announcement of a handler after a failure of the branch."""
         node = self._open.get(event.node)
         if node is None:
             return
         node.answers = True
-        failing = self._with(event.cause, node.arrived)
+        failing = self._last_of_cause(event.cause, node.arrived)
         if failing is None:  # a condition that does not hold
-            joined = self._with(event.cause, node.taken)
-            failing = self._arise(node, event.cause, event.failed)
+            joined = self._last_of_cause(event.cause, node.taken)
+            failing = self._open_trouble(node, event.cause, event.failed)
             failing = failing if joined is None else self._join(failing, joined)
             node.arrived.append(failing)
         node.failing, node.dealing = failing, True
@@ -520,7 +524,8 @@ class EpisodeTracker:
         node.called, node.instead = event.handler, event.handler if event.ends else ""
 
     def _take_up(self, node: RunningNode, handler: str, cure: str) -> None:
-        """Take up what has come up, in a Fallback all that came up so far; no cure: the node gives up."""
+        """Take up the troubles from below, in a Fallback those of all its branches. Without a cure the node
+        gives up."""
         choosing = self._kind(node) == "choosing"
         node.aside = node.aside and not node.arrived
         for number in dict.fromkeys((*node.taken, *node.arrived) if choosing else node.arrived):
@@ -544,8 +549,8 @@ class EpisodeTracker:
                 trouble.tried[-1] = self._names.of(child)
         node.called = ""
 
-    def _was_no_cure(self, skipped: RunningNode) -> None:
-        """The branch that a Fallback went on with had nothing to do."""
+    def _drop_skipped_cure(self, skipped: RunningNode) -> None:
+        """Take back the cure when the next branch of a Fallback was skipped."""
         parent = self._open.get(self._parents.get(skipped.path, ""))
         if parent is None or self._kind(parent) != "choosing":
             return
@@ -556,14 +561,14 @@ class EpisodeTracker:
                 trouble.tries -= 1
 
     def _set_aside(self, node: RunningNode) -> None:
-        """Note that the node which deals with a trouble has given the item up."""
-        for around in self._around(node.path):
+        """Note that the node which handles a trouble has given the item up."""
+        for around in self._ancestors(node.path):
             if around.dealing and any(number in self._troubles for number in around.taken):
                 around.aside = not around.instead  # else the item is done with, as the mission asks
                 return
 
     def _join(self, number: int, other: int) -> int:
-        """The same cause at the same node is the same trouble."""
+        """Merge a new failure into the trouble of the same cause at the same node."""
         if number == other:
             return other
         joined, into = self._troubles.pop(number), self._troubles[other]
@@ -575,12 +580,13 @@ class EpisodeTracker:
         into.failures += joined.failures
         return other
 
-    def _bear(self, node: RunningNode) -> None:
-        """The last failure of a branch bears the time since that run began, but what others bear."""
+    def _charge(self, node: RunningNode) -> None:
+        """Charge the last failure of a branch with the time since the start of the run, without inner
+        troubles."""
         trouble = self._troubles.get(node.failing)
         if not node.dealing or trouble is None or node.failing not in node.taken:
             return
-        self._add(trouble, self._time - node.run - node.borne, self._around(node.path))
+        self._add(trouble, self._time - node.run - node.borne, self._ancestors(node.path))
         node.run, node.borne = self._time, 0.0
 
     def _add(self, trouble: OpenEpisode, seconds: float, around: Iterable[RunningNode]) -> None:
@@ -596,7 +602,7 @@ class EpisodeTracker:
         by: RunningNode | None,
         fate: event_types.Fate = "branched",
     ) -> None:
-        """Decide troubles that no node takes up any more: `at` goes on without them, because of `by`."""
+        """Decide troubles that no node takes up any more: `at` continues without them, because of `by`."""
         if by is not None and self._ids.get(by.path) == "ForEach" and fate == "branched":
             fate = "passed_over"
         for number in list(numbers):
@@ -604,7 +610,7 @@ class EpisodeTracker:
             if trouble is None or (at is not None and number in at.taken):
                 continue
             if not trouble.tried:
-                self._add(trouble, trouble.took, [] if at is None else [at, *self._around(at.path)])
+                self._add(trouble, trouble.took, [] if at is None else [at, *self._ancestors(at.path)])
             if at is not None:
                 at.settled = list(dict.fromkeys((*at.settled, trouble.cause)))
             self._decide(number, "given_up" if trouble.tried else "unhandled", fate, by, trouble.came_up)
@@ -622,7 +628,7 @@ class EpisodeTracker:
         t = self._troubles.pop(number)
         ended = self._time if time is None else time
         for path, at in t.failures:
-            around = self._upwards(by.path) if by is not None else ()
+            around = self._path_and_ancestors(by.path) if by is not None else ()
             shared = next((above for above in around if f"{path}/".startswith(f"{above}/")), "")
             if end in ("cured", "done_instead", "open"):  # the failures of an episode end as it does
                 own: event_types.Fate = end
@@ -646,7 +652,7 @@ class EpisodeTracker:
             tries=t.tries,
             seconds=round(t.seconds, 6),
         )
-        self._decisions.append(replace(episode, message=_told(episode)))
+        self._decisions.append(replace(episode, message=_episode_text(episode)))
         for fault in t.planted:
             after = round(min(at for at in t.times if at >= fault.time - 1e-9) - fault.time, 6)
             self._decisions.append(_followed(fault, t.cause, after, end))
@@ -657,20 +663,20 @@ class EpisodeTracker:
         kind = _KINDS.get(self._ids.get(node.path, ""), "")
         return "recovering" if node.answers else kind or ("retrying" if node.again else "")
 
-    def _around(self, path: str) -> Iterable[RunningNode]:
-        """The nodes around one that are under way, the nearest first."""
-        for above in self._upwards(self._parents.get(path, "")):
+    def _ancestors(self, path: str) -> Iterable[RunningNode]:
+        """Return the running ancestors of a node, the nearest first."""
+        for above in self._path_and_ancestors(self._parents.get(path, "")):
             if above in self._open:
                 yield self._open[above]
 
-    def _upwards(self, path: str) -> Iterator[str]:
-        """The path, and those of all nodes around."""
+    def _path_and_ancestors(self, path: str) -> Iterator[str]:
+        """Return the path and those of all ancestors."""
         while path:
             yield path
             path = self._parents.get(path, "")
 
-    def _with(self, cause: str, numbers: Iterable[int]) -> int | None:
-        """The last of these troubles that is of this cause."""
+    def _last_of_cause(self, cause: str, numbers: Iterable[int]) -> int | None:
+        """Return the last of these troubles with this cause; None without one."""
         found = [n for n in numbers if n in self._troubles and self._troubles[n].cause == cause]
         return found[-1] if found else None
 
@@ -683,7 +689,7 @@ def _followed(
     )
 
 
-def _told(episode: event_types.EpisodeEvent) -> str:
+def _episode_text(episode: event_types.EpisodeEvent) -> str:
     """Return the episode as text: `grasp.slipped: cured by RetreatAndLook, 12.4 s lost`."""
     by = f" by {episode.cure}" if episode.end == "cured" and episode.cure else ""
     lost = f", {episode.seconds:.1f} s lost" if episode.seconds >= 0.05 else ""
@@ -706,9 +712,9 @@ _KINDS = {
     "ReactiveFallback": "choosing",
     "RoundRobin": "choosing",
 }
-"""Nodes that may take a failure up, by how they show it."""
+"""Nodes that may take up a failure, with the kind of evidence for it."""
 _SET_ASIDE = "SetAside"
-_HELPING = frozenset({_SET_ASIDE, "Observe", "LookAround", "FreeSpot", "AskForHelp", "Push"})
+_HELPER_NODES = frozenset({_SET_ASIDE, "Observe", "LookAround", "FreeSpot", "AskForHelp", "Push"})
 """Nodes that may name an item and do none of its work: they look, ask, make room or leave it."""
-_INERT = frozenset({"AlwaysSuccess", "Log", "Script", "SetBlackboard"})
+_INERT_NODES = frozenset({"AlwaysSuccess", "Log", "Script", "SetBlackboard"})
 """Nodes that change nothing in the cell: they cure no failure."""

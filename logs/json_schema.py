@@ -51,7 +51,9 @@ def value_schema(kind: object) -> dict[str, object]:
         fields = {name: value_schema(hints[name]) for name in names}
         return {
             "type": "object",
-            "properties": {name: said for name, said in fields.items() if is_viewable(said)},
+            "properties": {
+                name: field_schema for name, field_schema in fields.items() if is_viewable(field_schema)
+            },
             "required": names,
         }
     origin, arguments = get_origin(kind), get_args(kind)
@@ -71,10 +73,10 @@ def value_schema(kind: object) -> dict[str, object]:
     return {}
 
 
-def is_viewable(said: Mapping[str, object]) -> bool:
+def is_viewable(field_schema: Mapping[str, object]) -> bool:
     """Whether every viewer reads a field of that schema: it has one type, and no list within a list."""
-    items = said.get("items")
+    items = field_schema.get("items")
     if isinstance(items, Mapping):
         inner = cast("Mapping[str, object]", items)
         return inner.get("type", "array") != "array"
-    return isinstance(said.get("type"), str)
+    return isinstance(field_schema.get("type"), str)

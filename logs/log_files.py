@@ -84,7 +84,7 @@ def part_paths(first: Path) -> dict[int, Path]:
 
 @dataclass(frozen=True, slots=True)
 class _Part:
-    """One file of a log. In a further file only messages later than `since` (ns) are new."""
+    """File of a log. In a further file only messages later than `since` (ns) are new."""
 
     reading: McapReader
     metadata: dict[str, dict[str, str]]
@@ -111,14 +111,14 @@ class JoinedLog:
         try:
             first = self._open(path)
             self._parts.append(first)
-            self.goes_on = first.info
+            self.continued_part = first.info
             """Part information of a log that begins with a later file; None for the beginning of a log."""
             gaps = self._join(path, first) if first.info is None else []
         except PicktreeError:
             self.close()
             raise
-        told = [part.reading.recovered for part in self._parts if part.reading.recovered]
-        self.recovered = "; ".join((*told, *gaps))
+        losses = [part.reading.recovered for part in self._parts if part.reading.recovered]
+        self.recovered = "; ".join((*losses, *gaps))
 
     def close(self) -> None:
         for part in self._parts:
@@ -177,7 +177,7 @@ class JoinedLog:
         return tuple(dict.fromkeys(name for part in self._parts for name in part.reading.attachments))
 
     def attachment(self, name: str) -> bytes | None:
-        """Return the attachment's content; None when there is none of that name."""
+        """Return the attachment's content; None without an attachment of that name."""
         for part in self._parts:
             found = part.reading.attachment(name)
             if found is not None:
@@ -232,7 +232,7 @@ class JoinedLog:
                 if number not in beside:
                     raise PicktreeError(f"{file} is missing")
                 part = self._open(beside[number])
-                if not self._goes_on(part, number, adjacent=not lost):
+                if not self._continues(part, number, adjacent=not lost):
                     part.reading.close()
                     raise PicktreeError(f"{file} belongs to another log")
             except PicktreeError as error:
@@ -250,7 +250,7 @@ class JoinedLog:
             gaps.append(f"{lost}: everything after {self.end / 1e9:.2f} s lost")
         return gaps
 
-    def _goes_on(self, part: _Part, number: int, *, adjacent: bool) -> bool:
+    def _continues(self, part: _Part, number: int, *, adjacent: bool) -> bool:
         """Whether this part continues the log, according to the metadata of the files; without any, by its
         times."""
         before = self._parts[-1]
@@ -260,14 +260,14 @@ class JoinedLog:
             return False
         if part.metadata.get("picktree") != self._parts[0].metadata.get("picktree"):
             return False
-        told = before.metadata.get(NEXT_METADATA)
-        return not adjacent or told is None or told.get("digest") == part.info.digest
+        link = before.metadata.get(NEXT_METADATA)
+        return not adjacent or link is None or link.get("digest") == part.info.digest
 
 
 LOG_NAME = "log.mcap"
 RUNS_FOLDER = Path("runs")
 BATCH_RESULTS = "results.sqlite"
-"""File by which the folder of a batch is told."""
+"""File that identifies the folder of a batch."""
 
 
 def find_log(where: str | Path) -> Path:

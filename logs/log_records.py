@@ -141,7 +141,7 @@ class RunInfo:
 
 @dataclass(frozen=True)
 class TickMessage:
-    """Message of one tick: what it has changed. Nodes without a transition are as before."""
+    """Message of one tick with its changes. Nodes without a transition are as before."""
 
     root_status: str
     tip: str
@@ -256,7 +256,7 @@ class Control:
 
 @dataclass(frozen=True)
 class Transform:
-    """The frame `child` given in the frame `parent`."""
+    """Pose of the frame `child` in the frame `parent`."""
 
     parent: str
     child: str
@@ -281,7 +281,7 @@ class BlockRecord:
 
 @dataclass(frozen=True)
 class BodyRecord(Body):
-    """Movable body as believed, or as it truly is."""
+    """Movable body of the belief, or of the ground truth."""
 
     role: str = "item"
     place: str = ""
@@ -301,11 +301,11 @@ class ThingRecord(BodyRecord):
     """Thing of a heap, or an item whose measures rules ask for. None: not known."""
 
     mass: float | None = None
-    """Mass, kg; of a believed thing as it was weighed."""
+    """Mass, kg; the weighed one for a believed thing."""
     size: float | None = None
-    """Greatest distance of two of its points, m; of a believed thing as it was seen."""
+    """Greatest distance of two of its points, m; from depth images for a believed thing."""
     tag: int | None = None
-    """Number of the ArUco tag on it; of a believed thing as it was read."""
+    """Number of the ArUco tag on it; the read one for a believed thing."""
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ class NodeStates:
         self._whole = tuple(self._states.values())
 
     def after(self, transitions: Iterable[Transition]) -> tuple[NodeState, ...]:
-        """Return the states after a tick with these transitions; the same tuple when there are none."""
+        """Return the states after a tick with these transitions; the same tuple without transitions."""
         changed = False
         for each in transitions:
             known = self._states.get(each.path)

@@ -32,7 +32,7 @@ class Pick:
     """Id of the believed object."""
     held: bool
     node: str
-    """Path of the node that closed them."""
+    """Path of the node that closed the fingers."""
     candidate: str = ""
     """Name of the chosen grasp."""
     width: float = float("nan")
@@ -76,9 +76,8 @@ class Visit:
     path: Annotated[str, "path of the node"]
     id: Annotated[str, "registered name of the node, such as `Grasp`"]
     parent: Annotated[int | None, "number of the parent's visit around this one; empty for the root"]
-    item: Annotated[str, "object that the visit is about; empty when there is none"]
-    """It is the visit's own subject, or that of the nearest visit around it. An iteration's element counts
-    as a subject."""
+    item: Annotated[str, "object that the visit concerns; empty without an object"]
+    """Subject of the visit, or of the nearest visit around it. An iteration's element counts as a subject."""
     attempt: Annotated[int, "number of visits of the node for this item so far, this one included"]
     start: Annotated[float, "start, simulated", "s"]
     end: Annotated[float, "end, or that of the log when the visit had not ended, simulated", "s"]
@@ -131,7 +130,7 @@ class SkillStep:
 
     visit: Annotated[int, "number of the visit of the skill's node"]
     node: Annotated[str, "path of the node"]
-    item: Annotated[str, "object that the visit is about; empty when there is none"]
+    item: Annotated[str, "object that the visit concerns; empty without an object"]
     name: Annotated[str, "name of the step, such as `approach`, `close`, `lift`"]
     start: Annotated[float, "start of the step, simulated", "s"]
     end: Annotated[float, "end of the step, simulated", "s"]
@@ -188,7 +187,7 @@ class VisitTree:
         return None if visit.parent is None else self.visits[visit.parent]
 
     def above(self, visit: Visit) -> Iterator[Visit]:
-        """The visits around it, the nearest first."""
+        """Return the visits around it, the nearest first."""
         parent = self.parent(visit)
         while parent is not None:
             yield parent
@@ -199,20 +198,20 @@ class VisitTree:
         return visit.number == other.number or any(v.number == other.number for v in self.above(visit))
 
     def came_from(self, visit: Visit) -> Visit | None:
-        """The child from which a failure came up; None when it came from the visit itself.
+        """Return the child that passed up the failure; None when the visit failed by itself.
 
         The last one counts: a node that tries again fails with its last failure.
         """
         return next((child for child in reversed(self.children(visit)) if _same(child, visit)), None)
 
     def sources(self) -> Iterator[Visit]:
-        """The visits in which failures came up, in the order in which they ended."""
+        """Return the visits in which failures began, in the order of their ends."""
         failed = (v for v in self.visits if v.outcome == "FAILURE" and v.cause)
         found = (v for v in failed if self.came_from(v) is None)
         yield from sorted(found, key=lambda v: (v.last, v.number))
 
     def after(self, visit: Visit) -> Sequence[Visit]:
-        """Those of the same parent that began when it had ended."""
+        """Return the visits of the same parent that began after its end."""
         parent = self.parent(visit)
         if parent is None:
             return ()

@@ -1,4 +1,4 @@
-"""Account of a run: its visits, what became of each failure, and the episodes, from one pass over its log."""
+"""Account of a run: its visits, the outcome of each failure, and the episodes, from one pass over its log."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ GIVE_UP = "give_up"
 class Episodes:
     """Episodes of a run and its injected faults, in order of time.
 
-    Of a log that continues from a checkpoint: from there on.
+    A log that continues from a checkpoint has only the later ones.
     """
 
     episodes: tuple[event_types.EpisodeEvent, ...]
@@ -40,7 +40,8 @@ class Episodes:
         return by_cause(self.cures)
 
     def of_failure(self, cause: str, time: float, node: str) -> int | None:
-        """Return the place of the episode with a failure of this cause at a time (s), at this node if any."""
+        """Return the index of the episode with a failure of this cause at a time (s), preferably at this
+        node."""
         found = [
             n
             for n, episode in enumerate(self.episodes)
@@ -52,32 +53,32 @@ class Episodes:
 
 @dataclass(frozen=True, slots=True)
 class FailureLink:
-    """A node that ended because of a failure, from where it came up towards the root."""
+    """Node that a failure has ended, on the path from its source to the root."""
 
     path: str
     id: str
     time: float
-    """Simulated s at which it ended."""
+    """End of the node, simulated s."""
     outcome: str
-    """FAILURE; or what the node made of it: SUCCESS, RUNNING when it went on."""
+    """FAILURE, or the node's own outcome: SUCCESS, or RUNNING when it continued."""
 
 
 @dataclass(frozen=True, slots=True)
 class CureAttempt:
-    """One try to cure a failure."""
+    """Attempt to cure a failure."""
 
     node: str
     """Path of the node that recovers, such as a `Recover`."""
     handler: str
-    """The pattern of `when`, `otherwise`, or what the node calls it."""
+    """Name of the handler: the pattern of `when`, `otherwise`, or the node's own name for it."""
     time: float
-    """Simulated s at which it began."""
+    """Start, simulated s."""
     attempt: int
-    """The run of the branch that had failed: 1 for the first."""
+    """Number of the failed run of the branch, 1 for the first."""
     ended: str
-    """How the handler's own branch ended: SUCCESS, FAILURE, SKIPPED, HALTED, RUNNING."""
+    """Outcome of the handler's own branch: SUCCESS, FAILURE, SKIPPED, HALTED or RUNNING."""
     seconds: float
-    """Simulated s that it took."""
+    """Duration, simulated s."""
     ran: str = ""
     """Name of the handler for a reader: its sub-tree, or the nodes of its list."""
     instead: bool = False
@@ -107,16 +108,16 @@ class RunAccount:
     tree: VisitTree
     """Visits by parent."""
     failures: tuple[Failure, ...]
-    """Failures with a cause, in order of time. A false condition is none."""
+    """Failures with a cause, in order of time, without false conditions."""
     recovery: Episodes
 
 
 def account_of(log: RunLog, events: Sequence[Stamped[JournalEvent]]) -> RunAccount:
     """Return the account of a run from its log and its events.
 
-    Outcomes were decided and recorded while the run was going on. The same tracker decides from the ticks
-    what the log lacks: all outcomes in format 2, those that are open at its end, and those in a gap.
-    Raises PicktreeError when the log is damaged.
+    Outcomes were decided and recorded during the run. The same tracker decides from the ticks the outcomes
+    that the log lacks: all of them in format 2, those that are open at its end, and those in a gap. Raises
+    PicktreeError when the log is damaged.
     """
     builder, tracker = VisitBuilder(), EpisodeTracker()
     derived: list[Decision] = []
@@ -127,12 +128,12 @@ def account_of(log: RunLog, events: Sequence[Stamped[JournalEvent]]) -> RunAccou
             tracker.follow(tree.nodes)
         builder.take(at.time, at.record)
         last = at.time
-        told: list[JournalEvent] = []
+        records: list[JournalEvent] = []
         while coming and coming[0].time <= at.time + 1e-9:
-            told.append(coming.popleft().record)
+            records.append(coming.popleft().record)
         if number == 0:
             tracker.begun(at.time, under_way(at.record))
-        derived += tracker.take(at.time, at.record.edges, told)
+        derived += tracker.take(at.time, at.record.edges, records)
     derived += tracker.finish(log.end)
     decisions = _completed([at.record for at in events if isinstance(at.record, Decision)], derived)
     decided = {
@@ -165,13 +166,13 @@ def account_of(log: RunLog, events: Sequence[Stamped[JournalEvent]]) -> RunAccou
 
 
 def _completed(recorded: Sequence[Decision], derived: Sequence[Decision]) -> list[Decision]:
-    """Return the recorded decisions, and the derived ones about what no recorded one is about."""
+    """Return the recorded decisions, and the derived ones for subjects without a recorded decision."""
     known = {about for each in recorded for about in _subjects(each)}
     return [*recorded, *(each for each in derived if known.isdisjoint(_subjects(each)))]
 
 
 def _subjects(decision: Decision) -> set[tuple[str, ...]]:
-    """Return what a decision is about: a failure, the failures of an episode, or an injected fault."""
+    """Return the subjects of a decision: a failure, the failures of an episode, or an injected fault."""
     match decision:
         case event_types.FailureDecidedEvent():
             return {("failure", decision.cause, decision.node, f"{decision.time:.6f}")}
@@ -183,7 +184,7 @@ def _subjects(decision: Decision) -> set[tuple[str, ...]]:
 
 @dataclass(frozen=True, slots=True)
 class _Courses:
-    """Courses of failures through the visits of a run; what became of each is decided already."""
+    """Paths of failures through the visits of a run, with the decision about each."""
 
     tree: VisitTree
     recoveries: Mapping[tuple[str, float], event_types.RecoveryEvent]
@@ -229,7 +230,7 @@ class _Courses:
         )
 
     def _handling(self, parent: Visit, failed: Visit, *, given_up: bool) -> list[CureAttempt]:
-        """Return what the parent ran because its child had failed.
+        """Return the handler that the parent ran after its child's failure.
 
         `given_up`: it then failed with this very failure.
         """

@@ -66,14 +66,14 @@ COLUMNS: Final[Mapping[str, tuple[ValueType, str]]] = {
 """Names of a filter, with their types and meanings."""
 
 _DAY: Final = 86400.0
-_MADE_BY_A_RUN: Final = re.compile(r".+-\d+-\d{8}-\d{6}(-\d+)?")
+_RUN_FOLDER_NAME: Final = re.compile(r".+-\d+-\d{8}-\d{6}(-\d+)?")
 """Name of a folder that a session has made: mission, seed, date and time."""
 _LATER_PART: Final = re.compile(r"(.+)-\d{4,}")
 
 
 @dataclass(frozen=True, slots=True)
 class RunRow:
-    """Row of one run. None: the log has no result, or does not say."""
+    """Row of one run. None: the log has no result, or lacks the value."""
 
     folder: str
     """Path of the run's folder, or of a log that is not alone in its folder, below the listed folder."""
@@ -146,7 +146,7 @@ class RunIndex:
         self._known: dict[str, RunRow] | None = None
 
     def rows(self) -> Iterator[RunRow]:
-        """Yield a row for each run as it is now, the one written last first."""
+        """Yield the present row of each run, the run written last first."""
         before = self._cached() if self._known is None else self._known
         self._known = known = dict[str, RunRow]()
         fresh = 0
@@ -171,7 +171,7 @@ class RunIndex:
         return (row for row in self.rows() if where is None or where(row, now))
 
     def row(self, log: str) -> RunRow:
-        """Return the row of one log as it is now. Raises PicktreeError when it is gone."""
+        """Return the present row of one log. Raises PicktreeError when it is gone."""
         paths = (self.folder / log, *part_paths(self.folder / log).values())
         try:
             stamps = [path.stat() for path in paths]
@@ -186,17 +186,17 @@ class RunIndex:
     def delete(self, row: RunRow) -> None:
         """Delete a run: its folder, or a log with its further files when other things are there, too.
 
-        Other things are there in a folder that no run has made. Raises PicktreeError for a run that goes on
-        or belongs to a batch, and when the disk refuses.
+        Other things are there in a folder that no run has made. Raises PicktreeError for a run in progress or
+        of a batch, and when the disk refuses.
         """
         log = self.folder / row.log
         if is_written(log):
-            raise PicktreeError(f"{log.parent}: the run goes on; halt it first")
+            raise PicktreeError(f"{log.parent}: the run is in progress; halt it first")
         batch = next((up for up in log.parents if (up / "results.sqlite").exists()), None)
         if batch is not None:
             raise PicktreeError(f"{log.parent}: the run belongs to the batch {batch}, whose results name it")
         try:
-            if row.folder != row.log and _MADE_BY_A_RUN.fullmatch(log.parent.name):
+            if row.folder != row.log and _RUN_FOLDER_NAME.fullmatch(log.parent.name):
                 shutil.rmtree(log.parent)
                 return
             for path in (log, *part_paths(log).values()):
@@ -206,28 +206,28 @@ class RunIndex:
             raise PicktreeError(f"{log} cannot be deleted: {reason}") from None
 
     def _row(self, log: str, written: float, size: int, before: RunRow | None) -> RunRow:
-        """Return the row of a log. While the run goes on, what was read of it once stays."""
+        """Return the row of a log. During the run, values that were read once stay."""
         if not file_system.is_utf8(log):
-            told = f"{file_system.shown(log)}: the name is not UTF-8; rename it"
+            message = f"{file_system.shown(log)}: the name is not UTF-8; rename it"
             return RunRow(
                 file_system.shown(Path(log).parent),
                 file_system.shown(log),
                 written,
                 size,
                 "unreadable",
-                message=told,
+                message=message,
             )
         path = self.folder / log
-        goes_on = is_written(path)
-        if goes_on and before is not None and before.status == "running":
+        in_progress = is_written(path)
+        if in_progress and before is not None and before.status == "running":
             return replace(before, written=written, size=size)
         where = str(Path(log).parent) if path.name == LOG_NAME and log != LOG_NAME else log
-        row = RunRow(where, log, written, size, "running" if goes_on else "killed")
+        row = RunRow(where, log, written, size, "running" if in_progress else "killed")
         try:
             with RunLog(path) as read:
                 return _filled(row, read)
         except PicktreeError as error:
-            return replace(row, message=str(error)) if goes_on else replace(
+            return replace(row, message=str(error)) if in_progress else replace(
                 row, status="unreadable", message=str(error)
             )  # fmt: skip
 
@@ -296,7 +296,7 @@ def _joined(logs: Mapping[str, tuple[float, int]]) -> dict[str, tuple[float, int
 
 
 def _filled(row: RunRow, log: RunLog) -> RunRow:
-    """Return the row with what the log says of its run and its result. Raises PicktreeError."""
+    """Return the row with the log's values of its run and its result. Raises PicktreeError."""
     run = log.run
     row = replace(
         row, mission=run.mission, scene=run.scene, robot=run.robot, backend=run.backend, seed=run.seed

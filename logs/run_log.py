@@ -158,7 +158,7 @@ def tick_length(ticks: Sequence[float]) -> float:
 
 
 def stated_end(result: Mapping[str, str]) -> float | None:
-    """Return the end of the run by its result, simulated s; None when there is none."""
+    """Return the end of the run by its result, simulated s; None without a result."""
     try:
         return float(orjson.loads(result["json"])["sim_seconds"])
     except (KeyError, ValueError, TypeError):
@@ -194,17 +194,17 @@ def lacking_topics(names: Sequence[str]) -> str:
 
 
 def lacks(file: JoinedLog, metadata: Mapping[str, object], gaps: Sequence[Gap]) -> str:
-    """Return what another program has left out of a log, as clauses; empty when nothing is known to be."""
-    told = [gap.text() for gap in gaps]
+    """Return the content that another program has left out of a log, as clauses; empty when none is known."""
+    clauses = [gap.text() for gap in gaps]
     known = {channel.topic for channel in file.channels if channel.messages}
     dropped = [topic.name for topic in _ALWAYS_RECORDED if topic.name not in known]
     if dropped and file.end > file.start:
-        told.append(lacking_topics(dropped))
+        clauses.append(lacking_topics(dropped))
     if SETTINGS not in metadata:
-        told.append("it lacks its metadata: settings and result of the run are unknown")
+        clauses.append("it lacks its metadata: settings and result of the run are unknown")
     if not file.attachments:
-        told.append("it lacks its files: mission, scene and robot are unknown")
-    return "; ".join(told)
+        clauses.append("it lacks its files: mission, scene and robot are unknown")
+    return "; ".join(clauses)
 
 
 R = TypeVar("R")
@@ -227,7 +227,7 @@ class TopicInfo:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraImage:
-    """One image of a camera: RGB (h, w, 3), depth (h, w) in m with 0 where unknown."""
+    """Image of a camera: RGB (h, w, 3), depth (h, w) in m with 0 where unknown."""
 
     camera: str
     colour: NDArray[np.uint8]
@@ -252,7 +252,7 @@ class RunLog:
         """Spans that the log lacks, in order of time: they are damaged, or another program left them out."""
         self.lacks_something = False
         """Whether the log is known to lack messages, files or metadata."""
-        self.part = self._file.goes_on.number if self._file.goes_on else 1
+        self.part = self._file.continued_part.number if self._file.continued_part else 1
         """Number of the log's first file: 1, or another for a later file of a rotated log, opened by its own
         name.
 
@@ -265,10 +265,10 @@ class RunLog:
             self.format = log_format(self.metadata, first.data if first else None, self.path)
             if self._file.is_rewritten:
                 self.gaps = self._gaps()
-                told = lacks(self._file, self.metadata, () if self.recovered else self.gaps)
-                self.lacks_something = bool(self.recovered or told)
-                told = told if self.recovered or not told else f"{self.path}: {told}"
-                self.recovered = "; ".join(filter(None, (self.recovered, told)))
+                losses = lacks(self._file, self.metadata, () if self.recovered else self.gaps)
+                self.lacks_something = bool(self.recovered or losses)
+                losses = losses if self.recovered or not losses else f"{self.path}: {losses}"
+                self.recovered = "; ".join(filter(None, (self.recovered, losses)))
         except PicktreeError:
             self._file.close()
             raise
@@ -287,7 +287,7 @@ class RunLog:
         return self._file.is_rewritten
 
     @property
-    def going_on(self) -> bool:
+    def in_progress(self) -> bool:
         """Whether the run's process still writes this log."""
         return any(is_written(path) for path in (self.path, *part_paths(self.path).values()))
 
@@ -364,7 +364,7 @@ class RunLog:
         return self._file.attachments
 
     def attachment(self, name: str) -> bytes:
-        """Return an attachment's content. Raises PicktreeError when there is none of that name."""
+        """Return an attachment's content. Raises PicktreeError without one of that name."""
         data = self._file.attachment(name)
         if data is not None:
             return data
@@ -511,11 +511,11 @@ class RunLog:
         return [time / 1e9 for time in self._file.times(topic)]
 
     def last(self, topic: str, at: float) -> RawMessage | None:
-        """Return the last message of the topic at `at` (simulated s) or before; None when there is none."""
+        """Return the last message of the topic at `at` (simulated s) or before; None without one."""
         return next(self._file.messages([topic], None, _ns(at), newest_first=True), None)
 
     def tick_at(self, at: float) -> Stamped[Tick] | None:
-        """Return the last tick at `at` (simulated s) or before; None when there is none."""
+        """Return the last tick at `at` (simulated s) or before; None without one."""
         last = self.last(topics.TICK.name, at)
         if last is None:
             return None
@@ -535,7 +535,7 @@ class RunLog:
         """Compute the digest of everything simulated in the log. It equals the recorded one when the log is
         whole."""
         digest, start = Digest(), None
-        before, continues = self._file.goes_on, self.run.continues
+        before, continues = self._file.continued_part, self.run.continues
         if before is not None:
             digest, start = Digest(bytes.fromhex(before.digest)), before.start + 1
         elif continues is not None:
@@ -553,7 +553,7 @@ class RunLog:
 
     @property
     def _has_ended(self) -> bool:
-        """Whether the last tick is that of the run: the arm may still come to rest behind it."""
+        """Whether the last tick is that of the run: the arm may still come to rest after it."""
         last = self._last(topics.TICK.name, lambda data: decode(TickMessage, data), self.end)
         return last is not None and last.record.root_status in ("SUCCESS", "FAILURE")
 

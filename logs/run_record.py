@@ -52,7 +52,7 @@ class Moment:
 
 
 class RunRecord:
-    """One run, read from its log, also when it was cut off.
+    """Run, read from its log, also when it was cut off.
 
     `where` is a log file, a run's folder, or `last`. Times are simulated seconds, lengths m, angles rad,
     forces N; poses are in the world. Everything is read on the first request, and then kept; `ticks` and
@@ -162,7 +162,7 @@ class RunRecord:
 
     @cached_property
     def account(self) -> RunAccount:
-        """Account of the run: visits, failures and what became of them, episodes with cures and time lost."""
+        """Account of the run: visits, failures and their outcomes, episodes with cures and time lost."""
         return account_of(self.log, self.events)
 
     @cached_property

@@ -55,7 +55,7 @@ class FeedCount:
 
 @dataclass(frozen=True, slots=True)
 class HoleItem:
-    """An item that ended at a hole of a fixture, as the scorer measured it."""
+    """Item that ended at a hole of a fixture, as the scorer measured it."""
 
     item: str
     kind: str
@@ -78,13 +78,13 @@ class HoleItem:
             f"{1000 * self.depth:.1f} of {1000 * self.bottom:.1f} mm deep, leans "
             f"{math.degrees(self.tilt):.1f} deg, {1000 * self.penetration:.3f} mm in the wall"
         )
-        said = self.verdict + (f": {self.reason}" if self.reason else "")
-        return f"{self.kind} in {self.hole}: {measured}; {said}"
+        text = self.verdict + (f": {self.reason}" if self.reason else "")
+        return f"{self.kind} in {self.hole}: {measured}; {text}"
 
 
 @dataclass(frozen=True, slots=True)
 class CrushedItem:
-    """An item that a finger crushed; it counts as misplaced."""
+    """Item that a finger crushed; it counts as misplaced."""
 
     item: str
     kind: str
@@ -132,7 +132,7 @@ class RunResult:
     recoveries: Mapping[str, int] = field(default_factory=dict[str, int])
     """Number of handler runs by cause, as `Recover` and `RecoveryNode` announce them.
 
-    An episode may have several. The next branch of a `Fallback` and a mere retry are none.
+    An episode may have several. The next branch of a `Fallback` and a mere retry do not count.
     """
     cures: tuple[CureCount, ...] | None = None
     """Episodes counted by cause and cure, in the terms of `episodes.episode`; None in older logs."""
@@ -160,7 +160,7 @@ class RunResult:
 
     @property
     def seconds_per_pick(self) -> float | None:
-        """Simulated seconds for each object held; None when none was."""
+        """Simulated seconds for each held object; None without a held object."""
         return self.sim_seconds / self.picks.held if self.picks.held else None
 
     def explain_command(self, program: str = "picktree") -> str:
@@ -168,7 +168,7 @@ class RunResult:
         here."""
         return f"{program} explain {shlex.quote(str(self.folder))}"
 
-    def goes_on(self, program: str = "picktree") -> str:
+    def resume_command(self, program: str = "picktree") -> str:
         """Return the command that resumes a paused run, with the first of the question's choices as
         answer."""
         answer = f" --answer {shlex.quote(self.asked.choices[0])}" if self.asked else ""
@@ -214,23 +214,25 @@ class RunResult:
         """Parse the text of `to_json_text` from the log `source`. Raises PicktreeError when it is something
         else."""
         try:
-            said = json.loads(text)
-            wall = said["wall_seconds"]
-            items = dict(said["items"])
+            values = json.loads(text)
+            wall = values["wall_seconds"]
+            items = dict(values["items"])
             forms = {form: FormCount(**count) for form, count in items.pop("by_form").items()}
             return cls(
                 items=ItemCount(**items, by_form=forms),
-                picks=PickCount(**said["picks"]),
+                picks=PickCount(**values["picks"]),
                 wall_seconds=WallSeconds(**wall),
-                feed=FeedCount(**said["feed"]) if said.get("feed") else None,
-                cures=_cures(said.get("cures")),
-                planted=tuple(PlantedCount(**each) for each in said.get("planted", ())),
-                holes=tuple(HoleItem(**item) for item in said.get("holes", ())),
-                crushed=tuple(CrushedItem(**item) for item in said.get("crushed", ())),
-                asked=operator_desk.OperatorQuestion.from_json(said["asked"]) if said.get("asked") else None,
-                log=Path(said["log"]),
-                folder=Path(said["folder"]),
-                **{name: said[name] for name in _PLAIN_FIELDS},
+                feed=FeedCount(**values["feed"]) if values.get("feed") else None,
+                cures=_cures(values.get("cures")),
+                planted=tuple(PlantedCount(**each) for each in values.get("planted", ())),
+                holes=tuple(HoleItem(**item) for item in values.get("holes", ())),
+                crushed=tuple(CrushedItem(**item) for item in values.get("crushed", ())),
+                asked=operator_desk.OperatorQuestion.from_json(values["asked"])
+                if values.get("asked")
+                else None,
+                log=Path(values["log"]),
+                folder=Path(values["folder"]),
+                **{name: values[name] for name in _PLAIN_FIELDS},
             )
         except (ValueError, KeyError, TypeError) as error:
             raise PicktreeError(f"{source}: the result in the log is unreadable: {error!r}") from None
@@ -271,15 +273,15 @@ class RunResult:
         return [
             f"it is so    {self.asked.situation}",
             f"answers     {', '.join(self.asked.choices)}",
-            f"go on with  {self.goes_on(program)}",
+            f"resume with {self.resume_command(program)}",
         ]
 
     def _recovered(self) -> list[str]:
         """Return a line for each cause, with the most time lost first."""
         if self.cures is None:
             return [f"recoveries  {_counts(self.recoveries)}"]  # an older log: handler runs only
-        told = _under("recovery", cause_lines(self.cures))
-        return [*told, *_under("planted", planted_lines(self.planted))]
+        lines = _under("recovery", cause_lines(self.cures))
+        return [*lines, *_under("planted", planted_lines(self.planted))]
 
     def _fed(self) -> list[str]:
         """Return a line when the scene has a feed."""
@@ -316,13 +318,13 @@ _PLAIN_FIELDS = (
 )  # fmt: skip
 
 
-def _cures(said: list[dict[str, Any]] | None) -> tuple[CureCount, ...] | None:
-    return None if said is None else tuple(CureCount(**each) for each in said)
+def _cures(counts: list[dict[str, Any]] | None) -> tuple[CureCount, ...] | None:
+    return None if counts is None else tuple(CureCount(**each) for each in counts)
 
 
-def _under(title: str, told: Iterable[str]) -> list[str]:
+def _under(title: str, lines: Iterable[str]) -> list[str]:
     """Return the lines, the first with the title before it."""
-    return [f"{title if n == 0 else '':<12}{line}" for n, line in enumerate(told)]
+    return [f"{title if n == 0 else '':<12}{line}" for n, line in enumerate(lines)]
 
 
 def _counts(counts: Mapping[str, int]) -> str:

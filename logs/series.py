@@ -24,7 +24,7 @@ _TIME_TOLERANCE = 1e-9
 
 @dataclass(frozen=True, slots=True, repr=False)
 class TickAt:
-    """A tick with its number, 0 for the first of the log, and its simulated time, s."""
+    """Tick with its number, 0 for the first of the log, and its simulated time, s."""
 
     number: int
     time: float
@@ -125,8 +125,8 @@ class ImageSequence(Sequence[Stamped[CameraImage]]):
         return next(self._log.images(self.cameras[number], time - _TIME_TOLERANCE, time + _TIME_TOLERANCE))
 
     def before(self, time: float, camera: str | None = None) -> Stamped[CameraImage] | None:
-        """Return the last image at `time` (simulated s) or before, of that camera or of any; None when there
-        is none."""
+        """Return the last image at `time` (simulated s) or before, of that camera or any; None without
+        one."""
         for number in range(bisect.bisect_right(self.times, time + _TIME_TOLERANCE) - 1, -1, -1):
             if camera is None or self.cameras[number] == camera:
                 return self[number]

@@ -66,7 +66,7 @@ def unit(vectors: Array) -> Array:
 
 
 def join_meshes(meshes: Iterable[Mesh]) -> Mesh:
-    """Return one mesh of all; empty when there are none."""
+    """Return one mesh of all; empty without meshes."""
     parts = list(meshes)
     if not parts:
         return Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int64), np.zeros((0, 3, 3)), np.zeros((0, 3)))

@@ -1,4 +1,4 @@
-"""Running one mission: assembling, ticking, recording, checkpoints, edits, going on."""
+"""Run of one mission: assembly, ticks, recording, checkpoints, edits, resumption."""
 
 import lazy_loader
 

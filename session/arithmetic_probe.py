@@ -1,4 +1,4 @@
-"""The arithmetic of this process: versions, kernels, and a probe that shows another one in the last bit."""
+"""Arithmetic of this process: versions, kernels, and a probe that differs in the last bit for another one."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _PACKAGES: Final = {
     "coal": "coal",
     "OpenCV": "opencv-python-headless",
 }
-"""Libraries that compute, with the distributions that bring them."""
+"""Numerical libraries, with the distributions that contain them."""
 _Numbers: TypeAlias = NDArray[np.float64]
 _Results: TypeAlias = list[NDArray[Any]]
 
@@ -59,7 +59,8 @@ def _fingerprint(results: _Results) -> str:
 
 
 def _numbers() -> _Numbers:
-    """4096 numbers in (-1, 1), exact in binary, without regularity: a linear congruence (Lehmer 1951)."""
+    """Return 4096 numbers in (-1, 1), exact in binary, without regularity: a linear congruence (Lehmer
+    1951)."""
     state, numbers = 1, np.empty(4096)
     for n in range(numbers.size):
         state = state * 48271 % 2147483647

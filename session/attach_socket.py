@@ -1,4 +1,4 @@
-"""Socket of a run that goes on: its place in the run's folder, and a connection to it."""
+"""Socket of a run in progress: its place in the run's folder, and a connection to it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SOCKET_NAME: Final = "attach.sock"
 
 @contextmanager
 def socket_address(folder: Path, name: str = SOCKET_NAME) -> Generator[str]:
-    """Return an address of a socket in a folder that is short, however long the folder's path is.
+    """Return a short address of a socket in a folder, independent of the length of the folder's path.
 
     The address of a Unix socket has at most 108 bytes.
     """
@@ -49,7 +49,7 @@ def listen_in(folder: Path) -> socket.socket:
 
 
 def connect_to_run(folder: Path) -> socket.socket:
-    """Connect to the run of a folder. Raises PicktreeError when it is not going on, or cannot be attached."""
+    """Connect to the run of a folder. Raises PicktreeError when it is not in progress, or not attachable."""
     connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
         with socket_address(folder) as address:
@@ -61,8 +61,8 @@ def connect_to_run(folder: Path) -> socket.socket:
         connection.close()
         if any(is_written(log) for log in folder.glob("*.mcap")):
             raise PicktreeError(
-                f"{folder}: the run cannot be attached: it is none of `picktree run`, or the disk of its "
+                f"{folder}: the run cannot be attached: it is no run of `picktree run`, or the disk of its "
                 f"folder has no sockets ({SOCKET_NAME})"
             ) from None
-        raise PicktreeError(f"{folder}: the run is not going on") from None
+        raise PicktreeError(f"{folder}: the run is not in progress") from None
     return connection

@@ -40,7 +40,7 @@ T = TypeVar("T")
 _NODE = "cell"
 """Node path of plans and motions outside of a tree: key of the planner's random stream."""
 _ANY_OUTCOME = "sorted >= 0"
-"""Goal of a recorded node: its success alone counts, not where the scene's items belong."""
+"""Goal of a recorded node: only its success counts, not the destinations of the scene's items."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -64,7 +64,7 @@ class NodeResult:
     outputs: Mapping[str, object] = field(default_factory=dict[str, object])
     """Outputs of the node by port, and keys of the blackboard that were written."""
     seconds: float = 0.0
-    """Simulated time that it took, s."""
+    """Duration, simulated s."""
     log: Path | None = None
     """Log of the run; None when it was not recorded."""
 
@@ -133,7 +133,7 @@ class CellSession:
         return self.world.clock.now
 
     def capture(self, camera: str) -> RgbdImage:
-        """Take an image with a camera of the scene, now; the belief stays as it is.
+        """Take an image with a camera of the scene, now; the belief does not change.
 
         Raises PicktreeError for a camera that the scene does not have, NoImage when it gives none.
         """
@@ -203,7 +203,7 @@ class CellSession:
         return self._last
 
     def _checked(self, source: MissionSource) -> Mission:
-        """Return the mission as it is run. Raises FileError with all its faults."""
+        """Return the checked mission of the run. Raises FileError with all its faults."""
         folder = Path.cwd()
         registry = NodeRegistry(source.local_classes(folder))
         check = check_mission(source.document(folder), registry, self._names)
@@ -214,7 +214,7 @@ class CellSession:
 
 
 def _run_to_end(execution: Execution) -> str:
-    """Run an execution without a log; return how it ended."""
+    """Run an execution without a log; return its end."""
     try:
         while True:
             execution.tick()

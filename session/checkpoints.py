@@ -38,7 +38,7 @@ class BeliefState:
 
 @dataclass(frozen=True, slots=True)
 class RunState:
-    """Everything on which the future of a run and of its log depends, besides its recipe.
+    """Complete state that determines the future of a run and of its log, together with its recipe.
 
     Fields with a default are missing in checkpoints of older logs.
     """
@@ -57,7 +57,7 @@ class RunState:
     thinking_owed: float
     looks: int
     bins_seen: dict[str, list[list[float | None]]]
-    """Heights in the cells of each bin, m; None where nothing was seen."""
+    """Heights in the cells of each bin, m; None for a cell that no image has shown."""
     way: FollowedPath | None = None
     """Path that the arm followed last, for the retreat; None: unknown."""
     grip: GripperProgress | None = None
@@ -69,16 +69,16 @@ class RunState:
     noticed: world_facts.FeedProgressState = field(default_factory=world_facts.FeedProgressState)
     """Events of the feed that the robot has received so far."""
     refusals: Mapping[str, world_facts.Refusal] = field(default_factory=dict[str, world_facts.Refusal])
-    """See `AttemptMemory`."""
+    """Refusals of `AttemptMemory`."""
     heaps: Mapping[str, heap_geometry.Heap] = field(default_factory=dict[str, heap_geometry.Heap])
-    """Heaps of the totes as they were seen last."""
+    """Last seen heaps of the totes."""
 
     def to_json(self) -> bytes:
         return checkpoints.json_bytes(self)
 
     @classmethod
     def from_json(cls, data: bytes) -> RunState:
-        """Parse a checkpoint. Raises PicktreeError when the data is none."""
+        """Parse a checkpoint. Raises PicktreeError for other data."""
         try:
             return log_records.record_adapter(RunState).validate_json(data)
         except ValidationError as error:

@@ -15,7 +15,7 @@ from .execution import Execution
 from .observer import Observer
 
 OPERATOR: Final = "operator"
-"""Writer of an entry that the operator changed, where a node's path is otherwise."""
+"""Writer of an entry that the operator changed, in place of a node's path."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +28,7 @@ class EntryChange:
     passes: int
     """Number of starts and ends of nodes in the tick before the change; 0: it comes before the tick."""
     node: str = ""
-    """Path of the node at which the run stands; empty between two ticks."""
+    """Path of the node at which the run is stopped; empty between two ticks."""
 
 
 def set_entry(tree: BehaviourTree, change: EntryChange) -> str:
@@ -170,9 +170,8 @@ class Debugger(Observer):
     def set_entry(self, key: str, value: Plain, path: str) -> str:
         """Change a blackboard entry, and note it in the log; return what was done, as a sentence.
 
-        `key` is a full key, `path` the node at which the run stands; empty between two ticks. Nodes have the
-        value when they read the key next.
-        """
+        `key` is a full key, `path` the node at which the run is stopped; empty between two ticks. Nodes have
+        the value when they read the key next."""
         return set_entry(self.tree, EntryChange(key, value, self._passes, path))
 
     def step(self, ticks: int = 1) -> None:

@@ -127,11 +127,13 @@ def source_changes(before: Mapping[str, str], now: Mapping[str, str]) -> tuple[s
     if not edited:
         altered += [path for path, digest in gone.items() if digest not in new.values()]
         altered += [path for path, digest in new.items() if digest not in gone.values()]
-    said = [moved] if (moved := moved_sources(before, now)) else []
+    sentences = [moved] if (moved := moved_sources(before, now)) else []
     if altered:
         more = f" and {len(altered) - _MAX_NAMED_FILES} more" if len(altered) > _MAX_NAMED_FILES else ""
-        said.append(f"picktree itself was changed in {', '.join(sorted(altered)[:_MAX_NAMED_FILES])}{more}")
-    return tuple(said)
+        sentences.append(
+            f"picktree itself was changed in {', '.join(sorted(altered)[:_MAX_NAMED_FILES])}{more}"
+        )
+    return tuple(sentences)
 
 
 def moved_sources(before: Mapping[str, str], now: Mapping[str, str]) -> str:

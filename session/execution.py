@@ -241,7 +241,7 @@ class Execution:
 
     @property
     def status(self) -> RunStatus | None:
-        """End of the run by its tree or its limit; None while it goes on."""
+        """End of the run by its tree or its limit; None while the run is in progress."""
         if self._first is None and self.tree.status is not NodeStatus.RUNNING:
             return "success" if self.tree.status is NodeStatus.SUCCESS else "failure"
         return "timeout" if self.world.clock.now >= self.limit else None
@@ -255,8 +255,8 @@ class Execution:
             self.pass_time()
 
     def let_items_rest(self) -> None:
-        """Pass time until no item moves, but for those that belts carry: the score of an ended run is that of
-        items at rest."""
+        """Pass time until no item moves, except those on belts: the score of an ended run is that of items at
+        rest."""
         scene = self.recipe.scene
         belts = [scene.fixture(belt.id) for belt in scene.belts]
         for _ in range(_MAX_SETTLING_TICKS):
@@ -323,7 +323,7 @@ class Execution:
         return self._disagreed + len(self.world.plan.disagreements)
 
     def adopt(self, mission: Mission) -> runner.StateTransfer:
-        """Continue with another version of the mission; belief, blackboard and attempts stay as they are."""
+        """Continue with another version of the mission; belief, blackboard and attempts do not change."""
         tree = build(mission, self.world, self.recipe.parameters)
         adoption = tree.adopt(self.tree.save())
         tree.on_start.extend(self.tree.on_start)

@@ -1,4 +1,4 @@
-"""Live view: every message of the log, as it is recorded, over a Foxglove WebSocket on this machine.
+"""Live view: every recorded message of the log over a Foxglove WebSocket on this machine.
 
 It sends the recorder's own bytes, so it has the log's topics, schemas and times. A late client receives the
 last message of each topic that holds a state. Nothing in here delays the run: messages that a client does not
@@ -103,7 +103,7 @@ class LiveServer(Observer):
     def _resend(self) -> None:
         """Send the last messages of newly subscribed topics, in a thread of its own.
 
-        The server's thread may not wait for the run's thread, and the run may stand still.
+        The server's thread may not wait for the run's thread, and the run may be stopped.
         """
         while (name := self._wanted.get()) is not None:
             self._met = True

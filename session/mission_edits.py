@@ -24,7 +24,7 @@ MAX_WATCHED_FILES: Final = 200
 
 
 def read_edited(current: Mission, known: SceneNames, *, own_scene: bool, file: Path | None = None) -> Mission:
-    """Return the mission as its files are now, or the one of another file that is to replace it.
+    """Return the present mission of its files, or the mission of another file that is to replace it.
 
     Raises FileError with the checker's errors, and PicktreeError for an edit that needs a new run.
     `own_scene`: the run has the scene that the mission names, not another.
@@ -117,7 +117,7 @@ class EditSource(Protocol):
     """Source of edits for a watched run, which polls it at every tick."""
 
     def watch(self, files: Iterable[Path]) -> None:
-        """Watch these files from now on, as they are now. A file may be missing."""
+        """Watch these files for changes from now on. A file may be missing."""
         ...
 
     def found(self) -> bool:
@@ -208,7 +208,7 @@ class MissionReload(Interrupter):
         if content == self._scene_content:
             return ()
         self._scene_content = content
-        message = f"{self._scene}: the scene was edited; this run keeps it as it was, a new run has the edit"
+        message = f"{self._scene}: the scene was edited; this run keeps the old one, a new run has the edit"
         return (ReloadMessage(message, refused=True),)
 
     def _of_the_mission(self, current: Mission) -> tuple[ReloadMessage, ...]:
@@ -232,7 +232,7 @@ def _content(file: Path) -> bytes | None:
 
 
 def _is_on_disk(mission: Mission) -> bool:
-    """Whether the mission's files are as they were when it was read."""
+    """Whether the mission's files are unchanged since it was read."""
     try:
         documents = (mission.document, *mission.included)
         same = all(file_text.read_text(document.path) == document.text for document in documents)

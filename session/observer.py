@@ -37,12 +37,13 @@ class Observer:
         """Called once before the first tick. `folder` is the run's folder."""
 
     def ticked(self, now: float, report: Tick, items_done: int, items_total: int) -> None:
-        """Called after a tick was recorded; `now` is simulated s. Simulated time stands still meanwhile."""
+        """Called after a tick was recorded; `now` is simulated s. Simulated time is stopped during the
+        call."""
 
     def edited(self, run: Execution) -> None:
         """Called when an edited mission has taken over: its tree is ticked from the next tick on."""
 
-    def told(self, now: float, text: str) -> None:
+    def notified(self, now: float, text: str) -> None:
         """Called with a message that is no part of the run, such as the refusal of an edit."""
 
     def recorded(self, topic: Topic, at: int, data: bytes, in_digest: bool) -> None:
@@ -75,10 +76,10 @@ class Interrupter(Observer):
         return ()
 
     def answer(self, question: operator_desk.OperatorQuestion) -> str | None:
-        """Return one of the question's choices; None when there is no answer.
+        """Return one of the question's choices; None: no answer.
 
         Without an answer the next interrupter is asked, and the run ends `paused` after the last. Simulated
-        time stands still during a question.
+        time is stopped during a question.
         """
         return None
 
@@ -101,11 +102,11 @@ class PresetAnswers(Interrupter):
         """Return the next answer. Raises PicktreeError for one that is not among the question's choices."""
         if not self._left:
             return None
-        said = self._left.popleft()
-        choice = question.choice(said)
+        text = self._left.popleft()
+        choice = question.choice(text)
         if choice is None:
             known = ", ".join(question.choices)
-            raise PicktreeError(f"--answer {said}: {question.node} asks, and takes one of these: {known}")
+            raise PicktreeError(f"--answer {text}: {question.node} asks, and takes one of these: {known}")
         return choice
 
 
@@ -114,7 +115,7 @@ def answer_pending(
 ) -> bool:
     """Have the operators answer the pending question in turn. False when it stays without an answer.
 
-    Simulated time stands still while a person thinks.
+    Simulated time is stopped until an operator answers.
     """
     question = desk.pending
     if question is None:

@@ -122,8 +122,8 @@ class RecordedRun:
 def _edits(run: RunRecord) -> Iterator[tuple[float, str]]:
     """Yield time (simulated s) and folder in the log of each version of the mission that took over.
 
-    Each has its tree in the log. What was before the first is not read: a log of hours, once read, keeps
-    gigabytes for as long as it is open.
+    Each has its tree in the log. Events before the first version are not read: a log of hours, once read,
+    keeps gigabytes until it is closed.
     """
     for tree in run.trees[1:2]:
         for at in run.log.events(tree.time):
@@ -212,7 +212,7 @@ def _recording(run: RunRecord, time: float) -> RecordingState:
 class RecordedOperator(Interrupter):
     """Operator that repeats the answers and the changes of blackboard entries of a log.
 
-    An answer is for the node that asked: when another node asks, or the choices do not contain the answer, it
+    An answer is for the node that asked. When another node asks, or the choices do not contain the answer, it
     gives no answer from then on. A change comes at its tick, after as many starts and ends of nodes; in a
     tick with fewer, after it. A change that the tree of another mission does not accept is left out.
     """
@@ -235,9 +235,9 @@ class RecordedOperator(Interrupter):
 
     def answer(self, question: operator_desk.OperatorQuestion) -> str | None:
         if self._answers:
-            node, said = self._answers.popleft()
-            if node == question.node and said in question.choices:
-                return said
+            node, recorded = self._answers.popleft()
+            if node == question.node and recorded in question.choices:
+                return recorded
             self._answers.clear()
         return None
 

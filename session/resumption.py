@@ -49,26 +49,26 @@ def recipe_from_truth(recorded: RecordedRun) -> tuple[Recipe, str, float]:
     if found is not None:
         name, known = found
         recipe, knows = recorded.from_checkpoint(name, known), known.time
-        told = f"what it knows is of {name.removesuffix('.json')}, {known.time:.2f} s"
+        knowledge = f"its knowledge is of {name.removesuffix('.json')}, {known.time:.2f} s"
     else:
         recipe = recorded.recipe()
         if recipe.start is not None:
             name, known = START_ATTACHMENT, recipe.start.state
-            knows, told = known.time, f"what it knows is of the run's own start, {known.time:.2f} s"
+            knows, knowledge = known.time, f"its knowledge is of the run's own start, {known.time:.2f} s"
         else:
-            name, known, knows, told = (
+            name, known, knows, knowledge = (
                 "",
                 Execution(recipe).checkpoint(NOTHING_RECORDED),  # nothing is seen or done yet
                 _NEVER_WRITTEN,
-                "there is no checkpoint: it knows nothing",
+                "there is no checkpoint: it has no knowledge",
             )
-    stood = checkpoints.snapshot_at_rest(recipe.backend, last.simulation, len(recipe.robot.joints))
+    snapshot = checkpoints.snapshot_at_rest(recipe.backend, last.simulation, len(recipe.robot.joints))
     state = replace(
         known,
         time=time,
-        simulation=stood.plain,
+        simulation=snapshot.plain,
         faults=last.faults,
-        control=_control(known.control, stood.position, last.bias),
+        control=_control(known.control, snapshot.position, last.bias),
         thinking_owed=0.0,
         way=None,
         grip=None,
@@ -79,12 +79,12 @@ def recipe_from_truth(recorded: RecordedRun) -> tuple[Recipe, str, float]:
     continues = log_records.ResumedFrom(
         str(run.path.absolute()), name, time, known.items_done, state.recording.digest, as_it_stands=True
     )
-    told = f"going on with {run.path} as things stood at {time:.2f} s, at rest; {told}: it looks first"
-    return replace(recipe, start=StartCheckpoint(state, continues)), told, knows
+    text = f"resuming {run.path} from its last state at {time:.2f} s, at rest; {knowledge}: it looks first"
+    return replace(recipe, start=StartCheckpoint(state, continues)), text, knows
 
 
 @dataclass(frozen=True, slots=True)
-class _Last:
+class _LastState:
     """Last recorded state of the simulation."""
 
     time: float
@@ -96,27 +96,27 @@ class _Last:
     """Bias of the wrist sensor, (6,), N and Nm; empty when it was not learnt yet."""
 
 
-def _last_state(run: RunRecord) -> _Last:
+def _last_state(run: RunRecord) -> _LastState:
     topic, end = topics.STATE.name, run.end
     for start in (end - 2 * WHOLE_STATE_PERIOD, None):
         messages = list(run.log.messages([topic], start))
         if not messages:
             continue
         try:
-            told = [read_state(message.data) for message in messages]
-            whole = max((n for n, state in enumerate(told) if state.whole), default=None)
+            states = [read_state(message.data) for message in messages]
+            whole = max((n for n, state in enumerate(states) if state.whole), default=None)
             if whole is None:
                 continue
-            state = fold_states(told[whole:])
+            state = fold_states(states[whole:])
             assert state is not None
             faults = _FAULTS.validate_python(state.pop("faults", ()))
             bias = tuple(float(value) for value in state.pop("wrist_bias", ()))
         except (ValueError, KeyError, ValidationError) as error:
             raise PicktreeError(f"{run.path}: {topic}: unreadable state: {error}") from None
-        return _Last(messages[-1].time / 1e9, state, faults, bias)
+        return _LastState(messages[-1].time / 1e9, state, faults, bias)
     raise PicktreeError(
-        f"{run.path}: the log does not tell how things stood in the end, as those of older versions do not; "
-        "without --as-it-stands the run goes on from its last checkpoint"
+        f"{run.path}: the log lacks the state of the simulation, as logs of older versions do; "
+        "without --as-it-stands the run resumes from its last checkpoint"
     )
 
 
@@ -167,7 +167,7 @@ _FINISHED_TEXTS: Final = {
 
 @dataclass(frozen=True)
 class ResumeRequest:
-    """Request to resume a run: which run, and where its further log goes. The log determines everything
+    """Request to resume a run: the run, and the folder of its further log. The log determines everything
     else."""
 
     log: str | Path
@@ -175,7 +175,7 @@ class ResumeRequest:
     out: Path | None = None
     """Folder in which the new run's folder is made; None: `runs`."""
     limit: float | None = None
-    """Limit in simulated s, counted from the beginning of the first run; None: as it was."""
+    """Limit in simulated s, counted from the beginning of the first run; None: the same limit."""
     rotation: log_files.Rotation = log_files.NO_ROTATION
     as_it_stands: bool = False
     """Whether to resume from the last recorded state of the simulation instead of the checkpoint's.
@@ -195,7 +195,7 @@ class Resumption:
     def __init__(self, request: ResumeRequest) -> None:
         self.request = request
         with ExitStack() as stack:
-            self.recipe, self.told, self._recorded = self._read(stack)
+            self.recipe, self.description, self._recorded = self._read(stack)
             self._open = stack.pop_all()
         gc.collect()  # Readers of logs refer to themselves, and a session never frees what exists before it.
 
@@ -232,10 +232,10 @@ class Resumption:
             _refuse_finished(run, limit)
             recorded = RecordedRun(run)
             stack.enter_context(recorded.folder)
-            recipe, told, knows = (recipe_from_truth if as_it_stands else _from_checkpoint)(recorded)
+            recipe, text, knows = (recipe_from_truth if as_it_stands else _from_checkpoint)(recorded)
             if limit is not None:
                 recipe = replace(recipe, limit=limit)
-            return recipe, told, (recorded.edits(knows), recorded.operator(_since(recipe)))
+            return recipe, text, (recorded.edits(knows), recorded.operator(_since(recipe)))
 
 
 def _from_checkpoint(recorded: RecordedRun) -> tuple[Recipe, str, float]:
@@ -243,18 +243,18 @@ def _from_checkpoint(recorded: RecordedRun) -> tuple[Recipe, str, float]:
     run = recorded.run
     found = recorded.last_checkpoint(run.end)
     if found is None:
-        recipe, told, _ = _from_start(recorded, "has no checkpoint")
+        recipe, text, _ = _from_start(recorded, "has no checkpoint")
     else:
         name, state = found
         recipe = recorded.from_checkpoint(name, state)
-        told = (
-            f"going on with {run.path} from {name.removesuffix('.json')}: {state.time:.2f} s, "
+        text = (
+            f"resuming {run.path} from {name.removesuffix('.json')}: {state.time:.2f} s, "
             f"{_done(state.items_done)}"
         )
     departed = arithmetic_record.arithmetic_difference(run.info.arithmetic, arithmetic())
     if departed:
-        told = f"{told}\n{departed}"
-    return recipe, told, _since(recipe)
+        text = f"{text}\n{departed}"
+    return recipe, text, _since(recipe)
 
 
 def _since(recipe: Recipe) -> float:
@@ -269,11 +269,11 @@ def _from_start(recorded: RecordedRun, why: str) -> tuple[Recipe, str, float]:
     before = recipe.start
     if before is None:
         return recipe, f"{run.path} {why}: the run begins anew", _NEVER_WRITTEN
-    told = (
-        f"{run.path} {why} of its own: it goes on where that run did, at {before.state.time:.2f} s, "
+    text = (
+        f"{run.path} {why} of its own: it resumes where that run did, at {before.state.time:.2f} s, "
         f"{_done(before.state.items_done)}"
     )
-    return recipe, told, before.state.time
+    return recipe, text, before.state.time
 
 
 def _done(items: int) -> str:
@@ -285,9 +285,8 @@ def _refuse_finished(run: RunRecord, limit: float | None) -> None:
     status = run.log.result.get("status", "")
     if status in _FINISHED_TEXTS:
         raise PicktreeError(
-            f"{run.path}: the run is finished: {_FINISHED_TEXTS[status]}; `picktree whatif` lets it go on "
-            "from a "
-            "checkpoint with something changed"
+            f"{run.path}: the run is finished: {_FINISHED_TEXTS[status]}; "
+            "`picktree whatif` resumes it from a checkpoint with changes"
         )
     if limit is not None and limit <= run.end:
         raise PicktreeError(f"--limit {limit:g} s: the run has come to {run.end:.2f} s already")

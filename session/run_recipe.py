@@ -101,7 +101,7 @@ class StartCheckpoint:
 
 @dataclass(frozen=True, slots=True)
 class Recipe:
-    """Everything on which a run depends, read and checked. Two runs of the same recipe are the same."""
+    """Complete input of a run, read and checked. Two runs of the same recipe are the same."""
 
     mission: Mission
     scene: SceneDescription
@@ -124,7 +124,7 @@ class Recipe:
 
 
 ASSORTMENT_MESHES: Final = "assortment.zip"
-"""Attachment with the OBJ files of the scene's assortment: what is drawn depends on all of them."""
+"""Attachment with the OBJ files of the scene's assortment: the drawn items depend on all of them."""
 ROBOT_MESHES: Final = "robot/"
 """Folder of the attachments with the URDF's meshes, each under the name that the URDF uses."""
 
@@ -159,10 +159,10 @@ def fingerprints(recipe: Recipe, files: Iterator[Attachment] | list[Attachment])
 
 
 def scene_files(scene: SceneDescription) -> Iterator[Attachment]:
-    """Yield the files that a scene names, in whatever form: meshes, and folders of them as archives.
+    """Yield the files that a scene names: meshes, and folders of meshes as archives.
 
-    A mesh is `mesh/hexagon.obj`, or `mesh/KIND/hexagon.obj` where two share a name. What stands in the text
-    already (`base`), or has an attachment of its own (`robot`), is left out.
+    A mesh is `mesh/hexagon.obj`, or `mesh/KIND/hexagon.obj` where two share a name. Files whose content is
+    already in the text (`base`), or that have an attachment of their own (`robot`), are left out.
     """
     meshes: list[tuple[dict[str, Path], dict[str, Path]]] = []
     for name in scene.files:
@@ -288,7 +288,7 @@ class Recording:
 
 @dataclass(frozen=True)
 class RunRequest:
-    """Request for a run: the files and settings that make its recipe, and where its log goes."""
+    """Request for a run: the files and settings of its recipe, and the folder of its log."""
 
     mission: Path
     scene: str | None = None
@@ -528,7 +528,7 @@ class Unpacking:
                     return content
         raise PicktreeError(
             f"{self._log.path}: the mesh {filename} of the robot is not in the log, "
-            "and this machine does not have it as it was"
+            "and this machine does not have the same version"
         )
 
     def _below(self, prefix: str) -> list[tuple[str, str]]:

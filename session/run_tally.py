@@ -56,7 +56,7 @@ class RunCounters:
     set_aside: int = 0
     """Number of items that were given up at their place."""
     places: dict[str, Place] = field(default_factory=dict[str, "Place"])
-    """Place of each item that the mission is done with, as the robot believes."""
+    """Believed place of each item that the mission has finished."""
     emptied: int = 0
     """Number of items in bins that were exchanged; their ids are no longer needed."""
     episodes: EpisodeCountersState = field(default_factory=EpisodeCountersState)
@@ -67,7 +67,7 @@ class RunCounters:
         self._tracker = item_episodes.EpisodeTracker(self.episodes.following)
 
     def state(self) -> RunCounters:
-        """Return a copy for a checkpoint, from which the count may go on."""
+        """Return a copy for a checkpoint, from which the count may continue."""
         values: dict[str, Any] = {each.name: copy(getattr(self, each.name)) for each in fields(self)}
         counts, following = self._counts, self._tracker.state()
         values["episodes"] = EpisodeCountersState(counts.cures, counts.planted, following)

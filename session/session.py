@@ -1,8 +1,8 @@
 """Session: one run of a mission, from a checked recipe to its result. Command line, batches, re-simulation
 and tests use it.
 
-What is run is an `Execution` of a recipe, what is recorded a `Recording`; observers watch, interrupters also
-answer, edit and stop.
+A session runs an `Execution` of a recipe and writes a `Recording`. Observers watch; interrupters also answer,
+edit and stop.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ def summarise(run: Execution, timer: RunTimer, status: RunStatus, digest: str, l
     if status == "success" and not verdict.reached(goal):
         status = "incomplete"
     tally.finish(now)
-    asked = desk.pending if status == "paused" else None
+    question = desk.pending if status == "paused" else None
     return RunResult(
         status=status,
         seed=recipe.seed,
@@ -116,7 +116,7 @@ def summarise(run: Execution, timer: RunTimer, status: RunStatus, digest: str, l
         wall_seconds=timer.wall_seconds(),
         log=log.absolute(),
         folder=log.parent.absolute(),
-        message=asked.reason if asked else _message(run, status),
+        message=question.reason if question else _message(run, status),
         thinking_charged=scene.thinking.collision_check > 0.0 and scene.thinking.image > 0.0,
         disagreements=run.disagreements if recipe.verify else None,
         holes=tuple(
@@ -128,12 +128,12 @@ def summarise(run: Execution, timer: RunTimer, status: RunStatus, digest: str, l
             if body.crushed > 0.0 and (limit := scene.entry(body.kind).force_limit) is not None
         ),
         feed=FeedCount(tally.deliveries, tally.exchanges, tally.set_aside) if scene.deliveries else None,
-        asked=asked,
+        asked=question,
     )
 
 
 def _message(run: Execution, status: RunStatus) -> str:
-    """Return why the run ended as it did: the root's failure, and the arm where it hid the items."""
+    """Return the reason of the run's end: the root's failure, and the arm when it hid the items."""
     failure = run.tree.failure
     return "; ".join(filter(None, (failure.message if failure else "", _hidden(run, status))))
 
@@ -144,12 +144,12 @@ def _hidden(run: Execution, status: RunStatus) -> str:
     if not unseen or run.tally.tried:
         return ""
     shares = hidden_shares(run.world.robot, run.world.description, run.world.control.state.position)
-    told = [f"{100 * share:.0f} % from {name}" for name, share in shares.items() if share > MAX_HIDDEN_SHARE]
-    if not told:
+    parts = [f"{100 * share:.0f} % from {name}" for name, share in shares.items() if share > MAX_HIDDEN_SHARE]
+    if not parts:
         return ""
     file = Path(run.recipe.robot.source).name
     return (
-        f"the arm hides where the items are, {', '.join(told)}, and nothing was grasped; move 'home' under "
+        f"the arm hides where the items are, {', '.join(parts)}, and nothing was grasped; move 'home' under "
         f"'poses:' in {file} out of the cameras' view (`picktree robot test` measures it)"
     )
 
@@ -184,7 +184,7 @@ RESULT_FILE_NAME = "result.json"
 
 
 class Session:
-    """One run of a mission. The constructor checks and builds everything before anything moves.
+    """Run of a mission. The constructor checks and builds everything before anything moves.
 
     Raises PicktreeError (FileError with all faults) for bad input, and on a processor below x86-64-v3.
     """
@@ -292,7 +292,7 @@ class Session:
             observer.ticked(now, report, done, total)
 
     def _stopped(self, recorder: SessionRecorder) -> RunStatus | None:
-        """Return how an interrupter, or a question without an answer, ends the run; None when it goes on."""
+        """Return the status with which an interrupter, or an unanswered question, ends the run; else None."""
         if any(each.stops() for each in self._interrupters):
             return "interrupted"
         if any(each.halts() for each in self._interrupters):
@@ -349,12 +349,12 @@ class Session:
 
     def _tell(self, text: str) -> None:
         for observer in self._observers:
-            observer.told(self.execution.world.clock.now, text)
+            observer.notified(self.execution.world.clock.now, text)
 
 
 @contextmanager
 def _without_old_garbage() -> Generator[None]:
-    """Keep the garbage collector off the objects that exist before the run: libraries, world and tree.
+    """Exclude the objects that exist before the run from garbage collection: libraries, world and tree.
 
     A process that froze its libraries itself keeps that: thawing would lose it, and freezing more would keep
     the world and tree of each run for good."""

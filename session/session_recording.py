@@ -38,7 +38,7 @@ _MOMENTARY_TOPICS: Final = frozenset(
 
 
 class LastMessages(dict[str, list[tuple[int, bytes]]]):
-    """Messages that tell the present state, by the topic's name: simulated ns and payload of each.
+    """Messages that describe the present state, by the topic's name: simulated ns and payload of each.
 
     Of a topic that holds a state it is the last message. Of ticks it is each since the last snapshot of all
     nodes.
@@ -209,7 +209,8 @@ class SessionRecorder:
         return folder
 
     def refused(self, text: str) -> None:
-        """Write why an edit was not taken over. It changed nothing, so it is no part of the digest."""
+        """Write the reason why an edit was not taken over. It changed nothing, so it is no part of the
+        digest."""
         self._refused += 1
         self._recorder.attach(f"refused-{self._refused:04d}.txt", text)
 
@@ -249,7 +250,7 @@ class SessionRecorder:
 
 
 def _listener(observers: Sequence[Observer]) -> Listener | None:
-    """Return a listener that calls the observers of messages in turn; None when there are none."""
+    """Return a listener that calls the observers of messages in turn; None without observers."""
     hearing = [each.recorded for each in observers if type(each).recorded is not Observer.recorded]
     if not hearing:
         return None

@@ -289,7 +289,7 @@ class Divergence:
     """
     b: node_visits.Visit | None
     next_a: node_visits.Visit | None
-    """First leaf that begins afterwards in A; None when there is none."""
+    """First leaf of A that begins after the divergence; None: no leaf begins after it."""
     next_b: node_visits.Visit | None
 
 
@@ -344,7 +344,7 @@ class _Candidate:
 
 
 def find_parting(sides: Alignment, end_a: float, end_b: float) -> Divergence | None:
-    """Return the first divergence; None when there is none. The ends are those of the runs, simulated s.
+    """Return the first divergence; None for equal runs. The ends are those of the runs, simulated s.
 
     A node with children that only one mission has is no divergence by itself: the behaviour of its children
     counts.

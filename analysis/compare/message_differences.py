@@ -177,8 +177,8 @@ class MessageDifference:
     of: str
     """Name of the innermost list element around the field: a node's path, a frame, a key; else empty."""
     a: object
-    """Value of the field in A, as JSON; None where there is none. For a missing message, the whole other
-    one."""
+    """Value of the field in A, as JSON; None where A lacks the field. For a missing message, the whole
+    message of the other side."""
     b: object
 
     @classmethod
@@ -207,8 +207,8 @@ def first_difference(
 ) -> MessageDifference | None:
     """Return the first difference of the simulated messages from `since` to `until` (simulated s, inclusive).
 
-    None when there is none. Messages of one time are compared topic by topic. Topics in `without`, and what
-    one of the logs lacks, are ignored. A log that was cut ends earlier than the whole log of the same run.
+    None when all messages are equal. Messages of one time are compared topic by topic. Topics in `without`,
+    and topics that one of the logs lacks, are ignored. A truncated log ends before the whole log of the run.
     Then the difference has `ended`, and `missing` names the side.
     """
     names = compared_topics(a, b) - set(without)

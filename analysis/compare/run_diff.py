@@ -81,8 +81,8 @@ def diff(a: Run, b: Run) -> RunDiff:
     last = min((end for end in ends if end is not None), default=None)
     first = first_difference(a, b, since=since, until=last)
     if first is not None and first.topic == topics.TREE.name:
-        told = (topics.TREE.name, topics.TICK.name)
-        first = first_difference(a, b, since=since, until=last, without=told) or first
+        node_topics = (topics.TREE.name, topics.TICK.name)
+        first = first_difference(a, b, since=since, until=last, without=node_topics) or first
     return RunDiff(
         _verdict(alignment, first),
         outcome_of(a),
@@ -125,7 +125,7 @@ _RUN_FILE_PREFIXES = ("checkpoint-", "refused-")
 
 @dataclass(frozen=True, slots=True)
 class ValueChange:
-    """Value with a name in two runs; None where there is none."""
+    """Named value in two runs; None in a run that lacks it."""
 
     name: str
     a: object
@@ -263,8 +263,8 @@ def _differing_values(title: str, a: Values, b: Values) -> Iterator[str]:
     if not a or not b:
         for side, values in (("A", a), ("B", b)):
             if values:
-                said = ", ".join(f"{name} {value_text(value)}" for name, value in values.items())
-                yield f"     {title} of {side}: {said}"
+                text = ", ".join(f"{name} {value_text(value)}" for name, value in values.items())
+                yield f"     {title} of {side}: {text}"
         return
     for change in value_changes(a, b):
         found = first_difference_in_values(change.a, change.b, change.name)
@@ -287,8 +287,8 @@ def end_text(visit: node_visits.Visit, *, short: bool = False) -> str:
         return "was halted"
     if short:
         return visit.cause or visit.outcome
-    said = ": ".join(part for part in (visit.cause, visit.message) if part)
-    return f"{visit.outcome}, {said}" if said else visit.outcome
+    reason = ": ".join(part for part in (visit.cause, visit.message) if part)
+    return f"{visit.outcome}, {reason}" if reason else visit.outcome
 
 
 def aligned(rows: list[tuple[str, ...]], *, right: bool = False) -> Iterator[str]:

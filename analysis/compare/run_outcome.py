@@ -19,7 +19,7 @@ from .alignment import SIDES, Alignment, Basis, first_bodies
 
 @dataclass(frozen=True, slots=True)
 class TimeUse:
-    """Duration of some visits, simulated s; `median` is None when there are none."""
+    """Duration of some visits, simulated s; `median` is None without visits."""
 
     count: int
     total: float
@@ -138,7 +138,7 @@ class ItemEnd:
     place: str
     """Believed place: a bin, the table, in the hand; empty when gone."""
     begun: float | None
-    """Start of the first visit for the item; None when there was none."""
+    """Start of the first visit for the item; None: no visit."""
     done: float | None
     """Time of its last placement at its destination; None: never."""
     busy: float

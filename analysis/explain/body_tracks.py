@@ -1,4 +1,4 @@
-"""Places of things over a run: as the robot believed, and as they truly were, for the analyst only."""
+"""Tracks of bodies over a run: believed, and true ones for the analyst only."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ R = TypeVar("R")
 
 @dataclass(frozen=True, slots=True)
 class BodyTrack:
-    """One body over time. `times` are those of the messages that had it, s."""
+    """Track of one body over time. `times` are those of the messages that had it, s."""
 
     id: str
     times: tuple[float, ...]
@@ -79,16 +79,16 @@ class BodyTracks:
             for id_, found in collected.items()
         }
         self._order = {id_: number for number, id_ in enumerate(self.tracks)}
-        """Number of each body in the order in which they first came."""
+        """Index of each body in order of its first appearance."""
 
     @property
     def spacing(self) -> float:
-        """Longest time between two messages but for the last one, s: how precisely an event is known."""
+        """Longest interval between two messages without the last one, s: the precision of an event's time."""
         steps = [b - a for a, b in itertools.pairwise(self.times)]
         return max(steps, default=0.0) + 0.05
 
     def at(self, id_: str, time: float) -> log_records.BodyRecord | None:
-        """The body as of the last message at `time` or before; None when that did not have it."""
+        """Return the body in the last message at `time` or before; None when the message lacks it."""
         track = self.tracks.get(id_)
         number = bisect.bisect_right(self.times, time + 1e-6)
         if track is None or number == 0:
@@ -134,7 +134,7 @@ def _time(at: Stamped[Any]) -> float:
 
 
 def horizontal_distance(a: log_records.BodyRecord, b: log_records.BodyRecord) -> float:
-    """Horizontal distance of two bodies' centres, m."""
+    """Return the horizontal distance of two bodies' centres, m."""
     return math.dist(a.pose.position[:2], b.pose.position[:2])
 
 
@@ -168,8 +168,8 @@ def true_states(log: RunLog) -> Iterator[tuple[float, Mapping[str, Any]]]:
         change = read_state(message.data)
         if state is None and not change.whole:
             continue
-        told = [change] if state is None or change.whole else [log_records.TrueState(True, state), change]
-        state = fold_states(told)
+        messages = [change] if state is None or change.whole else [log_records.TrueState(True, state), change]
+        state = fold_states(messages)
         if state is not None:
             yield message.time / 1e9, state
 
@@ -177,7 +177,7 @@ def true_states(log: RunLog) -> Iterator[tuple[float, Mapping[str, Any]]]:
 def true_scenes(
     scenes: Sequence[Stamped[log_records.Scene]], states: Iterable[tuple[float, Mapping[str, Any]]]
 ) -> list[Stamped[log_records.Scene]]:
-    """Return the truth as often as the log has it: looks once a second, places with each state."""
+    """Return the ground truth at every sample of the log: looks once a second, places with each state."""
     found = list(scenes)
     looks = BodyTracks(scenes)
     known = {at.time for at in scenes}
@@ -200,7 +200,7 @@ def _pose(item: Mapping[str, Any]) -> Pose:
 
 
 def device_state(time: float, state: Mapping[str, Any]) -> DeviceState:
-    """Return what the explanation needs of a state: nothing that only a fault knows."""
+    """Return the part of a state that the explanation uses, without knowledge of injected faults."""
     changes = [*state.get("ledger", ()), *({"item": i["id"], **i} for i in state["items"] if "mass" in i)]
     robot: Mapping[str, Any] = state.get("robot") or {}
     grip: Mapping[str, Any] = state.get("gripper") or {"width": state.get("target", 0.0)}
@@ -222,6 +222,6 @@ def device_state(time: float, state: Mapping[str, Any]) -> DeviceState:
 
 
 def offset(seen: log_records.BodyRecord, true: log_records.BodyRecord) -> Vector3:
-    """Vector from the believed centre to the true one, m."""
+    """Return the vector from the believed centre to the true one, m."""
     (a, b, c), (x, y, z) = seen.pose.position, true.pose.position
     return (x - a, y - b, z - c)

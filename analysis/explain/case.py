@@ -1,4 +1,4 @@
-"""A run under investigation: its failures, and everything in its log that may tell where they came from."""
+"""Investigation of a run: its failures, and queries on its log for their causes."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ if TYPE_CHECKING:
 E = TypeVar("E", bound=JournalEvent)
 T = TypeVar("T")
 HAND_RANGE = 0.08
-"""An item whose centre is this near to the fingers may be touched, m."""
+"""Distance from an item's centre within which the fingers may touch the item, m."""
 ARM_RANGE = 0.15
-"""An obstacle this near to a link's frame may be touched, m."""
+"""Distance from a link's frame within which the link may touch an obstacle, m."""
 MAX_POSES = 12
-"""Number of poses that are tried of a longer list, spread over it."""
-SOLUTIONS = 1
+"""Maximum number of poses that are tried; they are spread over a longer list."""
+MAX_IK_SOLUTIONS = 1
 
 
 def reachable(arm: InverseKinematics, poses: Sequence[Pose]) -> bool:
@@ -54,11 +54,11 @@ def reachable(arm: InverseKinematics, poses: Sequence[Pose]) -> bool:
     step = max(len(poses) // MAX_POSES, 1)
     home = arm.model.named("home")
     rng = np.random.default_rng(0)
-    return any(arm.solutions(pose, rng, home, SOLUTIONS) for pose in poses[::step])
+    return any(arm.solutions(pose, rng, home, MAX_IK_SOLUTIONS) for pose in poses[::step])
 
 
 def scene_of(log: RunLog) -> SceneDescription | None:
-    """None when the log holds no scene file, or one that needs files which it does not hold."""
+    """Return the scene of the log; None when the log lacks the scene file, or files that it names."""
     with tempfile.TemporaryDirectory() as folder:
         try:
             return run_recipe.Unpacking(log, Path(folder)).scene()
@@ -67,7 +67,7 @@ def scene_of(log: RunLog) -> SceneDescription | None:
 
 
 class Investigation:
-    """Queries on a log that the search for causes needs again and again. Truth is for the analyst only."""
+    """Cached queries on a log for the search for causes. Ground truth is for the analyst only."""
 
     def __init__(
         self, run: RunRecord, family: node_visits.VisitTree, failures: Sequence[FailureStory]
@@ -99,12 +99,12 @@ class Investigation:
 
     @cached_property
     def truth(self) -> BodyTracks:
-        """True tracks of the items, several times a second; obstacles are none."""
+        """True tracks of the items, several times a second, without obstacles."""
         return BodyTracks(self._true_scenes[0], "item")
 
     @cached_property
     def obstacles(self) -> BodyTracks:
-        """True tracks of bodies in the way that the robot did not know."""
+        """True tracks of the obstacles that the robot did not know."""
         return BodyTracks(self._true_scenes[0], "obstacle")
 
     @property
@@ -114,7 +114,7 @@ class Investigation:
 
     @cached_property
     def sampled(self) -> float:
-        """The truth is in the log at least this often, s."""
+        """Maximum interval between two ground truth samples of the log, s."""
         return self.truth.spacing if self.devices else 1.05
 
     @cached_property
@@ -136,7 +136,7 @@ class Investigation:
 
     @cached_property
     def departed(self) -> Mapping[str, str]:
-        """True items taken away with their bin, and which bin that was: they count as lying in it."""
+        """Bins by true items that were taken away with them: these items count as lying in the bin."""
         exchanges = self.events(event_types.BinExchangedEvent)
         found: dict[str, str] = {}
         for true in self.truth.tracks if exchanges else ():
@@ -187,8 +187,11 @@ class Investigation:
         return found | {str(each.id): each for each in moving}
 
     def _moving(self, found: Mapping[str, ItemScore]) -> list[ItemScore]:
-        """Where the result counts fewer items as sorted than lie in their bins: those that moved most just
-        before the end. The log has no velocities, but the scorer knew them."""
+        """Return the items in their bins that the scorer did not count as sorted because they still moved.
+
+        The log has no velocities. So these are the fastest items just before the end, as many as the result
+        counts fewer.
+        """
         result = self.run.result
         lying = [each for each in found.values() if each.verdict == "sorted"]
         number = 0 if result is None else len(lying) - result.items.sorted
@@ -200,7 +203,7 @@ class Investigation:
         ]
 
     def name_of(self, true: str) -> str:
-        """Return how a reader knows a true item: by its believed name, else by what it is."""
+        """Return the name of a true item for a reader: its believed name, or else a description."""
         names = self.believed.get(true, ())
         if names:
             return names[0]
@@ -222,21 +225,21 @@ class Investigation:
         return {entry.kind: entry for entry in self.scene.catalogue} if self.scene else {}
 
     def once(self, question: Callable[[Investigation], T]) -> T:
-        """Return the answer to a question about the whole run, which is asked only once."""
+        """Return the result of a query on the whole run, computed only once."""
         if question not in self._answers:
             self._answers[question] = question(self)
         return cast("T", self._answers[question])
 
     @cached_property
     def camera(self) -> str:
-        """Name of the camera that looked first; empty when none did."""
+        """Name of the camera with the first image; empty without an image."""
         return next(iter(self.run.images.cameras), "")
 
     def visit(self, failure: FailureStory) -> node_visits.Visit:
         return self.family.visits[failure.visit]
 
     def events(self, kind: type[E], start: float = 0.0, end: float = math.inf) -> list[Stamped[E]]:
-        """Events of a kind between two times, both inclusive, s."""
+        """Return the events of a kind between two times, both inclusive, s."""
         found = self._by_kind.get(kind)
         if found is None:
             found = self._by_kind[kind] = [at for at in self.run.events if isinstance(at.record, kind)]
@@ -253,7 +256,7 @@ class Investigation:
         return found
 
     def hand(self, time: float) -> Vector3 | None:
-        """Where the hand's fingers were, m; None when the log does not tell."""
+        """Return the position of the fingers in the world, m; None when the log lacks it."""
         at = self.run.log.transforms_at(time)
         if at is None:
             return None
@@ -265,7 +268,7 @@ class Investigation:
         return vector3(np.mean(fingers, axis=0))
 
     def something_near(self, time: float) -> bool:
-        """Whether an item that is not believed in the hand, or an obstacle, was truly near hand or arm."""
+        """Whether an obstacle, or an item that is not believed in the hand, was truly near hand or arm."""
         hand = self.hand(time)
         held = {self.pairs.get(b.id, "") for b in self.believed_at(time) if b.attached}
         items = (body for name, body in self.truth.there(time) if name not in held)
@@ -274,7 +277,7 @@ class Investigation:
         )
 
     def obstacles_near(self, time: float) -> list[str]:
-        """Return the obstacles next to hand and arm that the robot was not told of, the nearest first."""
+        """Return the obstacles near hand and arm that the robot did not know, the nearest first."""
         found: list[tuple[float, str]] = []
         links = self.links(time)
         for name, body in self.obstacles.there(time) if len(links) else ():
@@ -301,7 +304,7 @@ class Investigation:
         return z > size + 0.03 and not near
 
     def obstacle_at(self, seen: log_records.BodyRecord) -> str:
-        """Return the obstacle that is where a body is believed; empty for none."""
+        """Return the obstacle at the believed place of a body; empty without one."""
         for name, body in self.obstacles.there(seen.last_seen + 1.0):
             low, high = extents(body.shape, body.pose.rotation())
             if float(np.abs(np.subtract(body.pose.position, seen.pose.position)).max()) < float(
@@ -348,7 +351,7 @@ class Investigation:
 
     @property
     def fixtures(self) -> Mapping[str, Fixture]:
-        """Other than the table that things stand on."""
+        """Fixtures of the scene by id, without the table."""
         return {str(f.id): f for f in self.scene.fixtures if f.id != "table"} if self.scene else {}
 
     @property
@@ -356,21 +359,21 @@ class Investigation:
         return {str(b.id): b for b in self.scene.bins} if self.scene else {}
 
     def last_believed(self, failure: FailureStory) -> log_records.BodyRecord | None:
-        """Return the item of a failure as it was last believed until then; None when it never was."""
+        """Return the last belief about a failure's item before the failure; None without a belief."""
         track = self.belief.tracks.get(failure.item)
         return None if track is None else track.before(failure.time)
 
     def believed_at(self, time: float) -> list[log_records.BodyRecord]:
-        """All bodies of the belief at that time."""
+        """Return all bodies of the belief at that time."""
         return [body for _, body in self.belief.there(time)]
 
     def ports(self, path: str) -> Mapping[str, str]:
-        """As the mission gives them to a node, the last version of it."""
+        """Return the ports that the last version of the mission gives to a node."""
         nothing: Mapping[str, str] = {}
         return next((n.ports for n in self.run.tree_at(self.end).nodes if n.path == path), nothing)
 
     def destination(self, body: log_records.BodyRecord) -> str:
-        """The bin, hole or fixture with holes where it belongs by the scene's rules; empty when nowhere."""
+        """Return the destination by the scene's rules: bin, hole or fixture with holes; empty without one."""
         if self.scene is None:
             return ""
         entry, size = self.scene.find_entry(body.kind), greatest_length(body.shape)
@@ -381,7 +384,7 @@ class Investigation:
         return str(destinations.destination_rule(self.scene.destinations)(item) or "")
 
     def bin_at(self, body: log_records.BodyRecord) -> str:
-        """The bin within whose walls it is, or the hole where it is; empty when in none."""
+        """Return the bin or hole in which the body is; empty outside of all."""
         if body.seat is not None and body.seat.over:
             return str(body.seat.hole)
         for each in self.scene.bins if self.scene else ():

@@ -1,4 +1,4 @@
-"""Devices at fault: what is common to several failures, or measured at a camera, sensor, joint or finger."""
+"""Causes in devices: camera, wrist sensor, joint, gripper or planner; several failures may share them."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ PLACE_FAILURES = (
     "grasp.*", "world.*", "safety.*", "planning.start_in_collision", "planning.goal_in_collision",
     "control.*", "place.*", "perception.not_found", "push.*", "insert.*",
 )  # fmt: skip
-"""Failures that a wrong place of an item may have."""
+"""Failures that an item at a wrong place may cause."""
 
 
 def camera_silent(case: Investigation) -> Iterator[DeviceFinding]:
-    """A camera gives no image when it is asked for one, the same one again, or one that is too noisy."""
+    """Find a camera that returns no image, the same image again, or an image that is too noisy."""
     for failure in case.failures:
         if failure.cause != "perception.no_image":
             continue
@@ -61,7 +61,7 @@ def camera_silent(case: Investigation) -> Iterator[DeviceFinding]:
 
 
 def _stands_still(camera: str, start: float) -> str:
-    return f"the picture of the camera {camera} stood still, from {seconds(start)} on"
+    return f"the image of the camera {camera} was frozen, from {seconds(start)} on"
 
 
 def _is_noisy(name: str, factor: float) -> str:
@@ -69,7 +69,7 @@ def _is_noisy(name: str, factor: float) -> str:
 
 
 MAX_IMAGES = 24
-"""Images of a run that are examined, at most."""
+"""Maximum number of examined images of a run."""
 
 
 def looks(case: Investigation) -> tuple[Stamped[CameraImage], ...]:
@@ -82,11 +82,11 @@ def looks(case: Investigation) -> tuple[Stamped[CameraImage], ...]:
 
 
 MIN_HEIGHT = 0.1
-"""Height above an item's top from which what an image shows at its place hides it, m."""
+"""Height above an item's top from which a body in the image hides the item, m."""
 
 
-def hidden_by_arm(case: Investigation, true: str) -> Finding | None:
-    """Whether the arm stood between the fixed cameras and an item in all images of its place."""
+def explain_hidden_by_arm(case: Investigation, true: str) -> Finding | None:
+    """Return the finding that the arm hid an item from the fixed cameras in all images of its place."""
     cameras = {c.name: c for c in case.scene.cameras} if case.scene else {}
     found: list[tuple[Stamped[CameraImage], float]] = []
     for shot in case.once(looks):
@@ -110,7 +110,7 @@ def hidden_by_arm(case: Investigation, true: str) -> Finding | None:
         return None
     shot, height = found[0]
     camera, robot = shot.record.camera, case.run.info.robot
-    title = f"the arm stands between the camera {camera} and items on the table"
+    title = f"the arm hides items on the table from the camera {camera}"
     at = case.truth.tracks[true].first.pose.position
     reasons = (
         f"{case.name_of(true)} lies at {place(at)}: the image of {seconds(shot.time)} shows the arm there, "
@@ -123,15 +123,15 @@ def hidden_by_arm(case: Investigation, true: str) -> Finding | None:
 
 
 LEAST_NOISE = 5e-4
-"""Noise of a logged depth image from which no two images are the same, m: the log has steps of 1 mm."""
+"""Noise of a depth image above which no two logged images are equal, m: the log has steps of 1 mm."""
 IMAGE_DELAY = 0.5
 """Time after its capture within which an image is in the log, s."""
 MIN_SHIFT = 0.02
-"""Way of an item that shows in a picture, m."""
+"""Least displacement of an item that changes an image, m."""
 
 
 def camera_frozen(case: Investigation) -> Iterator[DeviceFinding]:
-    """A camera gives the same image again, though it has noise, or though items were moved."""
+    """Find a frozen camera: it repeats an image despite its noise, or despite moved items."""
     shots: dict[str, list[Stamped[CameraImage]]] = defaultdict(list)
     for shot in case.once(looks):
         shots[shot.record.camera].append(shot)
@@ -150,14 +150,14 @@ def camera_frozen(case: Investigation) -> Iterator[DeviceFinding]:
 
 
 def _shifted(case: Investigation, start: float, end: float) -> bool:
-    """Return whether an item that an image showed truly lay elsewhere at the next one."""
+    """Whether an item of one image was truly at another place at the time of the next image."""
     shown = {each.true for each in case.identities.sightings if -IMAGE_DELAY <= each.time - start < MAX_AGE}
     moved = ((case.truth.at(true, start), case.truth.at(true, end)) for true in shown - {""})
     return any(a and (not b or math.dist(a.pose.position, b.pose.position) > MIN_SHIFT) for a, b in moved)
 
 
 def camera_noisy(case: Investigation) -> Iterator[DeviceFinding]:
-    """Depth images scatter far more than the camera's own noise."""
+    """Find a noisy camera: its depth images scatter far more than its specified noise."""
     cameras = {c.name: c for c in case.scene.cameras} if case.scene else {}
     spans: dict[str, list[tuple[float, float]]] = defaultdict(list)
     worst: dict[str, float] = {}
@@ -176,13 +176,13 @@ def camera_noisy(case: Investigation) -> Iterator[DeviceFinding]:
 
 
 MIN_OFFSET = 0.006
-"""A mean offset of belief from truth beyond this is the camera's, m."""
+"""Mean offset of belief from truth above which the camera is the cause, m."""
 MAX_SCATTER = 0.5
-"""Share of the mean by which the offsets of single items may scatter."""
+"""Maximum scatter of the offsets of single items, as a share of their mean."""
 
 
 def camera_off(case: Investigation) -> Iterator[DeviceFinding]:
-    """All items are seen off by the same way: that is the camera's fault, not theirs."""
+    """Find a displaced camera: all items appear with the same offset."""
     seen = [each for each in case.identities.sightings if each.true]
     looks: dict[float, list[Sighting]] = defaultdict(list)
     for each in seen:
@@ -221,12 +221,12 @@ def camera_off(case: Investigation) -> Iterator[DeviceFinding]:
 
 
 def cameras_off(case: Investigation) -> tuple[DeviceFinding, ...]:
-    """Return what tells of cameras that hang elsewhere than believed."""
+    """Return the findings about cameras that are not at their believed poses."""
     return tuple(camera_off(case))
 
 
-def seen_displaced(case: Investigation, item: str, time: float) -> Finding | None:
-    """Return the finding about a camera that hung elsewhere when it last showed the item before that time."""
+def explain_displaced_camera(case: Investigation, item: str, time: float) -> Finding | None:
+    """Return the finding about a displaced camera whose image was the last of the item before that time."""
     seen = [each for each in case.identities.by_item.get(item, ()) if each.time <= time + 1e-6]
     if not seen or math.hypot(*seen[-1].off) < MIN_OFFSET:
         return None
@@ -238,7 +238,7 @@ def seen_displaced(case: Investigation, item: str, time: float) -> Finding | Non
 
 
 def _runs(times: Iterable[float], looks: list[float]) -> tuple[tuple[float, float], ...]:
-    """Spans from each look to the next one of any kind, until which the belief stays as it was seen."""
+    """Return the span from each time to the next look; the belief does not change in between."""
     found: list[tuple[float, float]] = []
     for time in times:
         after = next((look for look in looks if look > time + 1e-6), math.inf)
@@ -247,11 +247,11 @@ def _runs(times: Iterable[float], looks: list[float]) -> tuple[tuple[float, floa
 
 
 COLOUR_FAILURES = ("perception.not_found", "world.unknown_object", "perception.ambiguous")
-"""Failures that a wrong colour may have."""
+"""Failures that a wrong colour may cause."""
 
 
 def colours_mistaken(case: Investigation) -> Iterator[DeviceFinding]:
-    """Items of one colour are shown in another."""
+    """Find a camera that shows items of one colour in another."""
     wrong: dict[tuple[str, str], list[Sighting]] = defaultdict(list)
     for each in case.identities.sightings:
         if each.body is not None and each.body.colour != each.seen.colour:
@@ -281,16 +281,16 @@ FORCE_FAILURES = (
     "place.*",
     "planning.start_in_collision",
 )
-"""Failures that a wrong force at the wrist may have."""
+"""Failures that a wrong force reading of the wrist may cause."""
 
 
 def device_findings(case: Investigation) -> tuple[DeviceFinding, ...]:
-    """Return what the log shows of devices that did not do as they should, the most specific first."""
+    """Return the findings about faulty devices, the most specific first."""
     return tuple(found for detect in DETECTORS for found in detect(case))
 
 
 def wrist_silent(case: Investigation) -> Iterator[DeviceFinding]:
-    """A sensor with noise whose reading stands still, or whose stamp does, gives no new readings."""
+    """Find spans without new readings of the wrist sensor: reading or time stamp does not change."""
     wrenches = case.run.wrenches
     stale = [
         at.time for at in case.events(event_types.SafetyStopEvent) if at.record.cause == "safety.stale_sensor"
@@ -306,7 +306,7 @@ def wrist_silent(case: Investigation) -> Iterator[DeviceFinding]:
     if not spans:
         return
     title = f"the wrist sensor was silent {listed_spans(spans)}: it gave no new readings"
-    reasons = ("its noise never rests, and its reading stood still",) if not stale else (
+    reasons = ("its reading always has noise, and did not change",) if not stale else (
         f"the safety monitor saw no new reading at {listed_times(sorted(set(stale)))}",
     )  # fmt: skip
     yield DeviceFinding(
@@ -315,29 +315,31 @@ def wrist_silent(case: Investigation) -> Iterator[DeviceFinding]:
 
 
 def smooth_spans(times: Array, forces: Array) -> tuple[tuple[float, float], ...]:
-    """Return when the readings (n, 3) have lost their noise.
+    """Return the spans in which the readings (n, 3) have no noise.
 
     The last reading of a silent sensor only turns with the hand, in the axes of the world.
     """
     bends = np.asarray(np.linalg.norm(np.diff(forces, 2, axis=0), axis=1), np.float64)
     noise = bends[bends > MIN_NOISE]
-    return _spans(times[:-2], bends < SMOOTH * float(np.quantile(noise, REST_SHARE))) if len(noise) else ()
+    return (
+        _spans(times[:-2], bends < NOISE_SHARE * float(np.quantile(noise, REST_SHARE))) if len(noise) else ()
+    )
 
 
 MIN_NOISE = 0.01
-"""Second difference of readings below which they have no noise, N."""
+"""Second difference of readings below which they are without noise, N."""
 REST_SHARE = 0.2
 """Quantile of the second differences that is due to noise alone: most of the others are accelerations."""
-SMOOTH = 0.1
-"""Share of it below which readings have lost their noise."""
+NOISE_SHARE = 0.1
+"""Share of that quantile below which readings have lost their noise."""
 MIN_SILENCE = 0.25
 """Time without a new reading that counts as silence, s."""
 MIN_BIAS = 5.0
-"""Error of the wrist's force that counts as one, N."""
+"""Least error of the wrist's force that counts as a bias, N."""
 
 
 def wrist_biased(case: Investigation) -> Iterator[DeviceFinding]:
-    """The wrist's readings differ from the true forces by a step that lasts."""
+    """Find a biased wrist sensor: a lasting step between its readings and the true forces."""
     states = [s for s in case.devices if s.wrench]
     readings, gripper = case.run.wrenches, case.run.gripper
     at_rest = case.run.info.continues is None and case.run.log.part == 1
@@ -369,11 +371,11 @@ def wrist_biased(case: Investigation) -> Iterator[DeviceFinding]:
 
 
 SWING_FORCE = 7.0
-"""Error of the wrist's force that counts while the arm moves, too, N."""
+"""Error of the wrist's force that counts as a bias even during motions, N."""
 
 
 def _sizes(error: Array, pressing: NDArray[np.bool_]) -> Array:
-    """Return sizes of errors that last, N. Fingers that press push each other aside, which is no error."""
+    """Return the sizes of lasting errors, N. Mutual displacement of pressing fingers is no error."""
     error = np.stack([median_of_neighbours(axis) for axis in error.T], axis=1)
     sizes: Array = np.linalg.norm(error, axis=1)
     sizes[pressing] = np.abs(error[pressing, 2])
@@ -381,7 +383,7 @@ def _sizes(error: Array, pressing: NDArray[np.bool_]) -> Array:
 
 
 def median_of_neighbours(values: Array) -> Array:
-    """Median of each value with the ones beside it."""
+    """Return the median of each value and its neighbours."""
     padded = np.pad(values, 1, mode="edge")
     return np.median(np.stack([padded[:-2], padded[1:-1], padded[2:]]), axis=0)
 
@@ -389,13 +391,13 @@ def median_of_neighbours(values: Array) -> Array:
 REST_SPEED = 0.1
 """Speed of the fastest joint below which the arm is at rest, rad/s."""
 MIN_LAG = 0.012
-"""Error of a joint that lags, rad."""
+"""Least tracking error of a lagging joint, rad."""
 LAG_RATIO = 3.0
-"""A joint is alone in lagging with an error of so many times that of any other."""
+"""Ratio of a joint's error to the largest other error above which only this joint lags."""
 
 
 def joint_weak(case: Investigation) -> Iterator[DeviceFinding]:
-    """One joint lags behind its set point, or sags, while the others follow theirs."""
+    """Find a weak joint: it lags behind its set point, or sags, while the others follow theirs."""
     controls, joints = case.run.controls, case.run.joints
     if not controls.errors.size:
         return
@@ -428,7 +430,7 @@ def joint_weak(case: Investigation) -> Iterator[DeviceFinding]:
 
 
 def arm_stalled(case: Investigation) -> Iterator[DeviceFinding]:
-    """No joint moves any more although a trajectory goes on, and nothing stands in the way."""
+    """Find stalls: no joint moves during a trajectory, and no body is in the way."""
     controls, joints = case.run.controls, case.run.joints
     arm = [joints.column(name) for name in case.run.joint_names[0] if name in joints.names]
     if not controls.errors.size or not arm or len(joints.times) < 3:
@@ -459,9 +461,7 @@ def arm_stalled(case: Investigation) -> Iterator[DeviceFinding]:
             continue
         rest = np.flatnonzero(speed[tick + 20 :].max(axis=1) > MIN_SPEED)
         end = float(joints.times[tick + 20 + rest[0]]) if len(rest) else case.end
-        title = (
-            f"the arm stood still from {seconds(time)} on though it was commanded to move: no drive followed"
-        )
+        title = f"the arm did not move from {seconds(time)} on though it was commanded to: no drive followed"
         reasons = (
             f"{int(moving[tick].sum())} joints stopped together, faster than they brake",
             "truly nothing was near the arm",
@@ -474,30 +474,30 @@ def arm_stalled(case: Investigation) -> Iterator[DeviceFinding]:
 
 
 MIN_JOINTS = 3
-"""Joints that must have moved before the arm can be seen to stall."""
+"""Least number of joints in motion before a stall."""
 MIN_SPEED = 0.3
-"""Speed of a joint that follows its commands again, rad/s."""
+"""Speed above which a joint follows its commands again, rad/s."""
 STALL_FAILURES = ("control.*", "safety.*", "world.disturbed", "tree.timeout")
-"""Failures that an arm may have which does not follow."""
+"""Failures that a stalled arm may cause."""
 MIN_ERROR = 0.01
-"""Error of a joint that does not follow, rad."""
+"""Least tracking error of a stalled joint, rad."""
 MAX_BRAKING = 18.0
 """Deceleration that no brake of the arm's controller commands, rad/s²."""
 
 
 def gripper_faulty(case: Investigation) -> Iterator[DeviceFinding]:
-    """The fingers do not move though they are told to, or press with less than they are told."""
+    """Find gripper failures: the fingers do not follow the command, or press with too little force."""
     for failure in case.failures:
         if failure.cause != "control.gripper":
             continue
-        told, pressed = number(failure, "told"), number(failure, "force") or 0.0
+        commanded, pressed = number(failure, "told"), number(failure, "force") or 0.0
         moved, width = number(failure, "moved") or 0.0, 1000 * (number(failure, "width") or 0.0)
         start = case.visit(failure).start
         cause, placing = "gripper.jammed", "place.*"
-        title = f"the fingers are stuck at {width:.0f} mm: they did not move though told to"
-        if told is not None and moved > 2e-3:
+        title = f"the fingers are stuck at {width:.0f} mm: they did not follow the command"
+        if commanded is not None and moved > 2e-3:
             cause, placing = "gripper.weak", "place.missed"
-            felt = f"{force(pressed)}, though told {force(told)}"
+            felt = f"{force(pressed)} instead of {force(commanded)}"
             title = f"the gripper is too weak: its fingers press with {felt}"
         yield DeviceFinding(
             Finding(cause, "gripper", title, (failure.message,), "", failure.time),
@@ -506,20 +506,20 @@ def gripper_faulty(case: Investigation) -> Iterator[DeviceFinding]:
 
 
 def fingers_stuck(case: Investigation) -> Iterator[DeviceFinding]:
-    """Fingers that are told to open, and stay where they are though nothing can hold them there."""
+    """Find fingers that do not open on command, although nothing can hold them."""
     gripper, states = case.run.gripper, case.devices
     if not len(gripper.times) or len(states) < 2:
         return
     times = np.array([s.time for s in states])
     width = np.interp(times, gripper.times, gripper.widths)
     before = np.interp(times - 0.2, gripper.times, gripper.widths)
-    told = np.array([s.told_width for s in states])
-    stuck = (told > width + MIN_JAM) & (np.abs(width - before) < 5e-4)
+    commanded = np.array([s.told_width for s in states])
+    stuck = (commanded > width + MIN_JAM) & (np.abs(width - before) < 5e-4)
     spans = _lasting(_spans(times, stuck))
     if spans:
-        at, wanted = float(width[stuck][0]), float(told[stuck][0])
-        title = f"the fingers are stuck at {1000 * at:.0f} mm: they did not move though told to"
-        reasons = (f"they were told to open to {1000 * wanted:.0f} mm and stood still {listed_spans(spans)}",)
+        at, wanted = float(width[stuck][0]), float(commanded[stuck][0])
+        title = f"the fingers are stuck at {1000 * at:.0f} mm: they did not follow the command"
+        reasons = (f"the command was {1000 * wanted:.0f} mm, and they did not move {listed_spans(spans)}",)
         yield DeviceFinding(
             Finding("gripper.jammed", "gripper", title, reasons, "", spans[0][0]), spans,
             ("control.gripper", "grasp.*", "place.*"), 5.0,
@@ -527,11 +527,11 @@ def fingers_stuck(case: Investigation) -> Iterator[DeviceFinding]:
 
 
 MIN_JAM = 0.006
-"""Opening by which fingers at rest stay behind what they are told, m."""
+"""Least difference between commanded and measured opening of stuck fingers, m."""
 
 
 def fingers_press_too_little(case: Investigation) -> Iterator[DeviceFinding]:
-    """Fingers that stand on an item press with less than the command says, in readings several times."""
+    """Find a weak gripper: fingers at rest on an item press with too little force in several readings."""
     gripper = case.run.gripper
     states = [s for s in case.devices if s.told_force > 0.0]
     if not len(gripper.times) or not states:
@@ -540,16 +540,16 @@ def fingers_press_too_little(case: Investigation) -> Iterator[DeviceFinding]:
     width = np.interp(times, gripper.times, gripper.widths)
     pressed = np.interp(times, gripper.times, gripper.forces)
     before = np.interp(times - 0.2, gripper.times, gripper.widths)
-    told = np.array([s.told_force for s in states])
+    commanded = np.array([s.told_force for s in states])
     closing = width > np.array([s.told_width for s in states]) + 0.004
     resting = closing & (np.abs(width - before) < 5e-4) & (width > 0.004)
     moved = width < float(gripper.widths.max()) - 0.004
-    weak = resting & moved & (pressed < WEAK_SHARE * told)
+    weak = resting & moved & (pressed < WEAK_SHARE * commanded)
     spans = _lasting(_spans(times, weak))
     if spans:
-        most = float(np.median(pressed[weak] / told[weak]))
-        title = f"the gripper presses with {100 * most:.0f} % of the force that it is told"
-        reasons = (f"its fingers stood on something and pressed so {listed_spans(spans)}",)
+        most = float(np.median(pressed[weak] / commanded[weak]))
+        title = f"the gripper presses with {100 * most:.0f} % of the commanded force"
+        reasons = (f"its fingers rested on something with that force {listed_spans(spans)}",)
         yield DeviceFinding(
             Finding("gripper.weak", "gripper", title, reasons, "", spans[0][0]), spans,
             ("control.gripper", "grasp.*", "place.missed"), 3.0,
@@ -559,15 +559,15 @@ def fingers_press_too_little(case: Investigation) -> Iterator[DeviceFinding]:
 WEAK_SHARE = 0.6
 """Share of the commanded finger force below which a gripper is weak."""
 SAME_PLACE = 0.2
-"""Start configurations closer than this are the same to a planner, rad."""
+"""Distance below which two start configurations count as equal for a planner, rad."""
 
 
 def planner_refuses(case: Investigation) -> Iterator[DeviceFinding]:
-    """The planner found no way, and names nothing that is in it."""
-    asked: dict[str, list[tuple[float, bool, tuple[float, ...], int]]] = defaultdict(list)
+    """Find planner refusals: no path, and no body that blocks it."""
+    answers_by_request: dict[str, list[tuple[float, bool, tuple[float, ...], int]]] = defaultdict(list)
     for at in case.run.plans:
         plan = at.record
-        asked[re.sub(r"[\d.]+", "#", plan.request)].append(
+        answers_by_request[re.sub(r"[\d.]+", "#", plan.request)].append(
             (at.time, plan.outcome == "found", plan.start, plan.version)
         )
     times: list[float] = []
@@ -580,7 +580,7 @@ def planner_refuses(case: Investigation) -> Iterator[DeviceFinding]:
     again = [
         at.time
         for at in refused
-        for time, found, start, _ in asked[re.sub(r"[\d.]+", "#", at.record.request)]
+        for time, found, start, _ in answers_by_request[re.sub(r"[\d.]+", "#", at.record.request)]
         if found and time > at.time and start and len(start) == len(at.record.start)
         and float(np.abs(np.subtract(start, at.record.start)).max()) < SAME_PLACE
     ]  # fmt: skip
@@ -611,7 +611,7 @@ def _lasting(spans: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float
 
 
 def _spans(times: Array, where: NDArray[np.bool_], gap: float = 0.3) -> tuple[tuple[float, float], ...]:
-    """Times during which something held, joined over gaps."""
+    """Return the spans in which a condition held, joined over gaps."""
     found: list[tuple[float, float]] = []
     for time in times[where]:
         if found and time - found[-1][1] <= gap:

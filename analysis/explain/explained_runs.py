@@ -19,13 +19,13 @@ from .run_explanation import explain
 
 @dataclass(frozen=True, slots=True)
 class CauseOfRuns:
-    """One root cause over many runs."""
+    """Root cause with its counts over many runs."""
 
     cause: str
     runs: int
     """Number of runs that have it."""
     first: int
-    """Number of runs in which it stands first."""
+    """Number of runs in which it is the first root cause."""
     items: int
     """Number of items that are not where they belong because of it."""
     seconds: float
@@ -90,15 +90,18 @@ def explain_runs(
         say(f"{number} of {len(logs)}")
         try:
             with Run(log) as run:
-                told = explain(run, items=False)
+                explanation = explain(run, items=False)
         except PicktreeError as error:
             unreadable.append(str(error))
             continue
-        statuses[told.outcome.status] += 1
-        cures += told.recovery.cures
-        items = (items[0] + (told.outcome.items_sorted or 0), items[1] + (told.outcome.items_total or 0))
+        statuses[explanation.outcome.status] += 1
+        cures += explanation.recovery.cures
+        items = (
+            items[0] + (explanation.outcome.items_sorted or 0),
+            items[1] + (explanation.outcome.items_total or 0),
+        )
         where = str(log.parent if log.name == "log.mcap" else log)
-        for place, root in enumerate(told.root_causes):
+        for place, root in enumerate(explanation.root_causes):
             found.setdefault(root.cause, []).append((root, place == 0, where))
     causes = sorted((_cause(*each) for each in found.items()), key=lambda c: (-c.items, -c.runs, -c.seconds))
     counts = episode_counts.by_cause(episode_counts.added_cures(cures))
@@ -166,7 +169,7 @@ def _roots(found: ExplainedRuns, program: str, paint: Paint) -> Iterator[str]:
 def runs_json_text(found: ExplainedRuns) -> str:
     """Return one object with a trailing newline; docs/explain.md names its keys."""
     causes = [{**asdict(each), "confidence": dict(each.confidence)} for each in found.causes]
-    told = {
+    values = {
         "folder": found.folder,
         "runs": found.runs,
         "statuses": dict(found.statuses),
@@ -176,4 +179,4 @@ def runs_json_text(found: ExplainedRuns) -> str:
         "unreadable": list(found.unreadable),
         "notes": list(found.notes),
     }
-    return json.dumps(told, ensure_ascii=False, indent=2) + "\n"
+    return json.dumps(values, ensure_ascii=False, indent=2) + "\n"

@@ -1,4 +1,4 @@
-"""Explanation of a run as values: failures, what became of them, and their origins; wording of numbers."""
+"""Explanation of a run as values: failures, their outcomes and origins; wording of numbers."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from picktree.logs import CureAttempt, Episodes, FailureLink
 from picktree.world import Values, event_types, matches
 
 WIDTH = 96
-"""Columns of the text."""
+"""Width of the text, columns."""
 
 
 def distance(metres: float) -> str:
@@ -33,7 +33,7 @@ def listed_times(found: Sequence[float]) -> str:
 
 
 def between(start: float, end: float) -> str:
-    """`between 14.0 and 15.0 s`: the truth is in the log now and then."""
+    """Return `between 14.0 and 15.0 s`: the log has samples of the ground truth."""
     return f"between {start:.1f} and {end:.1f} s"
 
 
@@ -64,7 +64,7 @@ def counted(number: int, one: str, many: str = "") -> str:
 
 
 def wrapped(text: str, first: str, rest: str | None = None) -> list[str]:
-    """Lines of at most `WIDTH` columns that begin with `first`, all but the first of them with `rest`."""
+    """Return lines of up to `WIDTH` columns: the first begins with `first`, the others with `rest`."""
     lines = textwrap.wrap(
         _UNIT_SPACE.sub("\N{NO-BREAK SPACE}", text),
         WIDTH,
@@ -77,12 +77,12 @@ def wrapped(text: str, first: str, rest: str | None = None) -> list[str]:
 
 
 _UNIT_SPACE = re.compile(r"(?<=\b[xy]) (?=-?\d)|(?<=\d) (?=(?:s|m|cm|mm|N)\b)")
-"""Spaces at which no line ends: between a number and its unit."""
+"""Spaces at which no line is broken: between a number and its unit."""
 Confidence: TypeAlias = Literal["likely", "possible", "the log does not tell"]
-"""How sure an explanation is of a cause.
+"""Confidence in a cause.
 
-`likely`: measured, or seen in the ground truth. `possible`: fits what is in the log, as something else may.
-`the log does not tell`: the failure's own words, because nothing else speaks for a cause.
+`likely`: measured, or seen in the ground truth. `possible`: fits the log, as other causes may. `the log does
+not tell`: only the failure's own message, because the log has no evidence of a cause.
 """
 CONFIDENCES: tuple[Confidence, ...] = ("likely", "possible", "the log does not tell")
 """Stated confidences, the surest first."""
@@ -92,16 +92,16 @@ RATES: Mapping[Confidence, float | None] = {"likely": 0.95, "possible": 0.8, "th
 
 @dataclass(frozen=True, slots=True)
 class RejectedCandidate:
-    """A candidate of a grasp, a placement or a plan that was not taken, and why."""
+    """Rejected candidate of a grasp, a placement or a plan, with the reason."""
 
     name: str
     reason: str
     count: int = 1
-    """How many were rejected alike."""
+    """Number of candidates with the same rejection."""
     stage: str = ""
     """Stage that a grasp did not pass (`world.manipulation.stages`); empty in older logs."""
     by: str = ""
-    """Id of the body in the way; empty when there was none, or in older logs."""
+    """Id of the body in the way; empty without one, or in older logs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,16 +117,16 @@ class CandidateChoice:
 
 @dataclass(frozen=True, slots=True)
 class FailureStory:
-    """One failure: where it came up, why, and what became of it."""
+    """Failure with its node, its cause and its outcome."""
 
     number: int
-    """Its place among the failures of the run, from 0."""
+    """Index among the failures of the run, from 0."""
     time: Annotated[float, "simulated time", "s"]
     tick: Annotated[int, "number of the tick"]
     visit: Annotated[int, "number of the visit that failed by itself"]
     node: Annotated[str, "path of the visit's node"]
     id: Annotated[str, "registered name of the node, such as `Grasp`"]
-    item: Annotated[str, "object that it is about; empty when there is none"]
+    item: Annotated[str, "object that the failure concerns; empty without an object"]
     attempt: Annotated[int, "number of visits of the node for this item so far"]
     cause: Annotated[str, "cause, such as `grasp.missed`"]
     sentence: str
@@ -142,18 +142,18 @@ class FailureStory:
     fate_by: Annotated[str, "path of the node that decided it; empty when open"]
     fate_at: Annotated[float | None, "simulated time of the decision", "s"]
     because_of: Annotated[int | None, "number of the failure that it follows from"]
-    """A failing handler follows from what it handles."""
+    """Number of the failure that caused this one; a failing handler follows from its failure."""
     choices: tuple[CandidateChoice, ...]
     observed: tuple[str, ...]
     """Sentences on the moment of the failure: belief, hand, stops, changes, injected faults.
 
     For the analyst only, they say where the truth differed from the belief."""
     made_good_at: float | None = None
-    """When the item was placed after all, as the robot believed, though this failure was passed over; s."""
+    """Believed time of the item's placement after this failure was passed over, s."""
     root_cause: int | None = None
-    """Place of its root cause among those of the run."""
+    """Index of its root cause among those of the run."""
     episode: int | None = None
-    """Place of its episode among those of the run."""
+    """Index of its episode among those of the run."""
     seconds_lost: Annotated[
         float, "simulated time lost of its episode, at the episode's first failure; 0 at others", "s"
     ] = 0.0
@@ -174,7 +174,7 @@ class FailureStory:
 
     @property
     def done_instead(self) -> bool:
-        """Whether a handler of `instead` took the place of what had failed, as the mission asks."""
+        """Whether a handler of `instead` replaced the failed branch, as the mission specifies."""
         return self.fate == "done_instead"
 
 
@@ -186,7 +186,7 @@ class RootCause:
     title: str
     """Description in one sentence, with the item and the node."""
     failures: tuple[int, ...]
-    """Numbers of the failures that it explains, the first of them first."""
+    """Numbers of the failures that it explains, in order of time."""
     ended_run: bool
     """Whether the run failed, or its goal was missed, because of it."""
     reasons: tuple[str, ...]
@@ -194,12 +194,12 @@ class RootCause:
     item: str = ""
     """Id of the believed item that it is about; of the true one when it was never seen."""
     time: float | None = None
-    """When it happened, as near as that is known, simulated s."""
+    """Time of the cause, at least approximately, simulated s."""
     seconds_lost: float = 0.0
     """Simulated s that the episodes of its failures cost."""
     planted: tuple[str, ...] = ()
-    """Faults that were planted in the simulation and concern the same items. They are told beside the cause,
-    and the cause was found without them."""
+    """Injected faults that concern the same items. They are listed next to the cause, and the cause was found
+    without them."""
     confidence: Confidence = "likely"
     against: tuple[str, ...] = ()
     """Evidence in the log that speaks against it."""
@@ -211,13 +211,13 @@ class RootCause:
 class ItemEvent:
     time: float
     what: str
-    """One line: seen, grasp failed with …, held, placed in …, lost from sight, …"""
+    """Event in one line: seen, grasp failed with …, held, placed in …, lost from sight, …"""
     node: str = ""
     failure: int | None = None
 
 
 ItemState: TypeAlias = Literal["done", "held", "left", "gone", "aside"]
-"""State of an item at the end, as the robot believed; `aside`: the mission had given it up."""
+"""Believed state of an item at the end; `aside`: the mission had given it up."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,14 +230,14 @@ class ItemStory:
     state: ItemState
     events: tuple[ItemEvent, ...]
     truth: str = ""
-    """Where it really is in the end, in the scorer's words; for the analyst only."""
+    """True place at the end, in the scorer's words; for the analyst only."""
     names: tuple[str, ...] = ()
     """Ids under which the robot knew the item, the first one first."""
 
 
 @dataclass(frozen=True, slots=True)
 class KeyMoment:
-    """A moment worth a look, the most telling first."""
+    """Moment of the run that a reader should look at."""
 
     time: float
     why: str
@@ -247,14 +247,14 @@ class KeyMoment:
 @dataclass(frozen=True, slots=True)
 class ExplainedOutcome:
     status: str
-    """As in the result; without one `killed`, `crashed`, `running`, `continued` or `unknown`.
+    """Status of the result; without a result `killed`, `crashed`, `running`, `continued` or `unknown`.
 
     It is `running` while the log is being written, and `continued` for a file that another one continues. It
     is `unknown` when another program has left out the result.
     """
     sentence: str
     end: float
-    """Simulated s."""
+    """End of the run or of its log, simulated s."""
     items_sorted: int | None
     """Number of sorted items by the scorer; None when the run was killed."""
     items_total: int | None
@@ -262,16 +262,16 @@ class ExplainedOutcome:
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """Why a run ended as it did."""
+    """Explanation of a run: outcome, failures, root causes, stories of the items."""
 
     outcome: ExplainedOutcome
     failures: tuple[FailureStory, ...]
     root_causes: tuple[RootCause, ...]
-    """Those that ended the run first, then by what they cost."""
+    """Root causes: first those that ended the run, then by decreasing cost."""
     items: tuple[ItemStory, ...]
     look_at: tuple[KeyMoment, ...]
     recovery: Episodes
-    """Which causes were seen, what was tried against each and what came of it; see `episodes.episode`."""
+    """Episodes by cause with their attempts and outcomes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -286,7 +286,7 @@ class Finding:
     item: str = ""
     """Id of the believed item, else of the true one."""
     time: float | None = None
-    """When it happened, as near as that is known, s."""
+    """Time of the finding, at least approximately, s."""
     confidence: Confidence = "likely"
     against: tuple[str, ...] = ()
     """Evidence that speaks against it."""
@@ -294,7 +294,7 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class DeviceFinding:
-    """Finding about a device, when it was so, and which failures it explains."""
+    """Finding about a device, with its spans and the failures that it explains."""
 
     finding: Finding
     spans: tuple[tuple[float, float], ...]

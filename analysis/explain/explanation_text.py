@@ -1,4 +1,4 @@
-"""An explanation as its two renderings: text, with a paragraph for each failure, and one JSON object."""
+"""Renderings of an explanation: text with a paragraph for each failure, and one JSON object."""
 
 from __future__ import annotations
 
@@ -30,19 +30,19 @@ if TYPE_CHECKING:
     from picktree.analysis import Run
 
 MAX_PLANTED = 12
-"""Planted faults that are told."""
+"""Maximum number of injected faults in the text."""
 
 
 def recovery_lines(found: Episodes, paint: Paint) -> Iterator[str]:
-    """Nothing when nothing failed and nothing was planted."""
+    """Yield the lines about recovery; none without failures and injected faults."""
     if found.episodes:
         yield paint(_title(found), "place")
         width = max(5, *(len(each.cause) for each in found.causes))
         yield f"  {'cause':<{width}}  seen  cured  tries   s lost  by"
         for each in found.causes:
             total, tries = each.total, each.total.tries_a_cure
-            said = "" if tries is None else f"{tries:.1f}"
-            numbers = f"{total.seen:>4}  {total.cured:>5}  {said:>5}  {total.seconds:>7.1f}"
+            attempts = "" if tries is None else f"{tries:.1f}"
+            numbers = f"{total.seen:>4}  {total.cured:>5}  {attempts:>5}  {total.seconds:>7.1f}"
             row = f"  {each.cause:<{width}}  {numbers}  "
             first, *rest = wrapped(_by(each), " " * len(row))
             yield row + first.strip()
@@ -56,14 +56,14 @@ def recovery_lines(found: Episodes, paint: Paint) -> Iterator[str]:
 
 
 def _title(found: Episodes) -> str:
-    ends = [(said, sum(e.end == end for e in found.episodes)) for end, said in item_episodes.ENDS.items()]
-    told = ", ".join(f"{number} {said}" for said, number in ends if number)
+    ends = [(label, sum(e.end == end for e in found.episodes)) for end, label in item_episodes.ENDS.items()]
+    outcomes = ", ".join(f"{number} {label}" for label, number in ends if number)
     lost = sum(e.seconds for e in found.episodes)
-    return f"Recovery ({counted(len(found.episodes), 'episode')}: {told}; {lost:.1f} s lost)"
+    return f"Recovery ({counted(len(found.episodes), 'episode')}: {outcomes}; {lost:.1f} s lost)"
 
 
 def _by(found: episode_counts.CauseCount) -> str:
-    """Return the nodes that cured it, else those that were tried in vain; then those that ran instead."""
+    """Return the handlers that cured the cause, or else the vain ones; then those of `instead`."""
     instead = [f"{each.cure} instead ({each.done_instead})" for each in found.by_cure if each.done_instead]
     if instead and not found.total.to_cure:
         return ", ".join(instead)
@@ -85,9 +85,9 @@ def _then(fault: event_types.FaultOutcomeEvent) -> str:
 
 
 MAX_SINGLE = 8
-"""Failures up to which each is told by itself, unless all are asked for."""
+"""Maximum number of failures that are described one by one, unless all are requested."""
 MAX_GROUPS = 12
-"""Kinds of failures that are told, unless all are asked for."""
+"""Maximum number of groups of failures in the text, unless all are requested."""
 _BODY, _HANGING = " " * 13, " " * 15
 _FATES = {
     "cured": "cured",
@@ -100,7 +100,7 @@ _FATES = {
 
 
 def _alike(failures: Sequence[FailureStory]) -> list[list[FailureStory]]:
-    """Failures of the same node, item and cause that came from the same, and to the same end."""
+    """Group failures with the same node, item, cause, root cause and outcome."""
     groups: dict[object, list[FailureStory]] = {}
     for f in failures:
         key = (f.node, f.item, f.cause, f.root_cause, f.fate, f.because_of is None)
@@ -108,8 +108,8 @@ def _alike(failures: Sequence[FailureStory]) -> list[list[FailureStory]]:
     return list(groups.values())
 
 
-def _tells(choice: CandidateChoice, story: FailureStory) -> bool:
-    """Whether a choice says more than the failure's own words."""
+def _has_details(choice: CandidateChoice, story: FailureStory) -> bool:
+    """Whether a choice has more details than the failure's message."""
     if any(r.stage for r in choice.rejections) and all(r.reason in story.message for r in choice.rejections):
         return False
     return any(r.count > 1 or story.message not in r.reason for r in choice.rejections)
@@ -117,14 +117,14 @@ def _tells(choice: CandidateChoice, story: FailureStory) -> bool:
 
 def _choice(choice: CandidateChoice) -> str:
     if any(r.stage for r in choice.rejections):
-        asked = counted(dict(choice.stages).get(pick_candidates.RANKED_STAGE, 0), "candidate")
+        candidates = counted(dict(choice.stages).get(pick_candidates.RANKED_STAGE, 0), "candidate")
         counts = _few([f"{r.count} {r.reason}" for r in choice.rejections])
-        return f"Grasps at {seconds(choice.time)}: {asked}: {'; '.join(counts)}."
+        return f"Grasps at {seconds(choice.time)}: {candidates}: {'; '.join(counts)}."
     stages = ", ".join(f"{count} {name}" for name, count in choice.stages)
     what = "Plans" if choice.purpose == "plan" else f"Grasps at {seconds(choice.time)}"
-    told = f"{what}: {stages}."
+    text = f"{what}: {stages}."
     refused = [f"{r.reason} ({r.count})" if r.count > 1 else r.reason for r in choice.rejections]
-    return f"{told} Refused: {'; '.join(_few(refused))}." if refused else told
+    return f"{text} Refused: {'; '.join(_few(refused))}." if refused else text
 
 
 def _few(words: Sequence[str], most: int = 4) -> list[str]:
@@ -132,17 +132,17 @@ def _few(words: Sequence[str], most: int = 4) -> list[str]:
 
 
 MAX_CAUSES = 8
-"""Root causes that are told, unless all are asked for."""
+"""Maximum number of root causes in the text, unless all are requested."""
 MAX_ITEMS = 30
-"""Items up to which those that are done are told, too."""
+"""Maximum number of items up to which finished items are listed, too."""
 MAX_EVENTS = 9
-"""Events of an item that are told, unless all are asked for."""
+"""Maximum number of events of an item in the text, unless all are requested."""
 
 
 class ExplanationText:
-    """Turns an explanation into lines.
+    """Text renderer of an explanation.
 
-    `log` is what the reader typed for the log, `program` how picktree is called here, `names` gives short
+    `log` is the reader's argument for the log, `program` the command name of picktree, `names` the short
     names of nodes by their paths.
     """
 
@@ -175,8 +175,8 @@ class ExplanationText:
     def _outcome(self) -> list[str]:
         outcome = self._found.outcome
         first, *rest = wrapped(f"{outcome.status}: {outcome.sentence}", "")
-        word, _, told = first.partition(":")
-        return [f"{self._paint(word, 'hint' if outcome.status == 'success' else 'error')}:{told}", *rest]
+        word, _, sentence = first.partition(":")
+        return [f"{self._paint(word, 'hint' if outcome.status == 'success' else 'error')}:{sentence}", *rest]
 
     def _title(self, text: str) -> str:
         return self._paint(text, "place")
@@ -217,16 +217,16 @@ class ExplanationText:
                 "The run got over it" if status in ("success", "incomplete") else "It did not end the run"
             )
         cost = f" ({listed(list(cause.items), 4)})" if cause.items and cause.ended_run else ""
-        told = f"[{cause.cause}] {cause.confidence[0].upper()}{cause.confidence[1:]}. {weight}{cost}"
+        text = f"[{cause.cause}] {cause.confidence[0].upper()}{cause.confidence[1:]}. {weight}{cost}"
         if not failures:
-            return f"{told}." if self._found.failures else f"{told}, and nothing failed."
+            return f"{text}." if self._found.failures else f"{text}, and nothing failed."
         lost = cause.seconds_lost
         times = listed([seconds(f.time) for f in failures], 4)
         took = f", {lost:.1f} s lost" if lost >= 0.05 else ""
-        return f"{told}: {counted(len(failures), 'failure')} at {times}{took}."
+        return f"{text}: {counted(len(failures), 'failure')} at {times}{took}."
 
     def _failures(self, everything: bool) -> Iterator[str]:
-        """Yield the failures, grouped when they are many, unless `everything` is asked for."""
+        """Yield the failures. Many failures are grouped unless `everything` is set."""
         failures = self._found.failures
         if not failures:
             return
@@ -259,7 +259,7 @@ class ExplanationText:
         step = f", step {story.step}" if story.step else ""
         yield f"  {story.time:7.2f} s  {name}{about}{again}{step}: {cause}"
         yield from wrapped(story.message or story.sentence, _BODY)
-        for choice in (c for c in story.choices if _tells(c, story)):
+        for choice in (c for c in story.choices if _has_details(c, story)):
             yield from wrapped(_choice(choice), _BODY, _HANGING)
         for sentence in story.observed:
             yield from wrapped(sentence, _BODY, _HANGING)
@@ -271,7 +271,8 @@ class ExplanationText:
         yield from wrapped(self._course(story), _BODY)
 
     def _course(self, story: FailureStory) -> str:
-        """Return the way of a failure, from the first node that failed with it to the one that stopped it."""
+        """Return the path of a failure through the tree, from the first failing node to the one that stopped
+        it."""
         parts: list[str] = []
         way = [self._names.get(link.path, link.path) for link in story.chain if link.outcome == "FAILURE"]
         way = list(dict.fromkeys(way))
@@ -281,26 +282,26 @@ class ExplanationText:
         by = self._names.get(story.fate_by, story.fate_by)
         match story.fate:
             case "cured":
-                told = f"Cured{self._cure(story)}: {by} went on at {seconds(story.fate_at or 0.0)}"
-                told += f"; {story.seconds_lost:.1f} s lost." if story.seconds_lost else "."
+                outcome = f"Cured{self._cure(story)}: {by} continued at {seconds(story.fate_at or 0.0)}"
+                outcome += f"; {story.seconds_lost:.1f} s lost." if story.seconds_lost else "."
             case "done_instead":
-                told = f"{by} did that instead of the branch, as the mission asks."
+                outcome = f"{by} did that instead of the branch, as the mission asks."
             case "passed_over":
-                told = f"Passed over by {by} at {seconds(story.fate_at or 0.0)}"
+                outcome = f"Passed over by {by} at {seconds(story.fate_at or 0.0)}"
                 after = story.made_good_at
-                told += f"; the item was placed after all at {seconds(after)}." if after else "."
+                outcome += f"; the item was placed after all at {seconds(after)}." if after else "."
             case "branched":
-                told = f"{by} went another way at {seconds(story.fate_at or 0.0)}, as the mission says."
+                outcome = f"{by} went another way at {seconds(story.fate_at or 0.0)}, as the mission says."
             case "ended":
-                told = (
+                outcome = (
                     f"It reached the root, and the mission ended with it at {seconds(story.fate_at or 0.0)}."
                 )
             case _:
-                told = "The log ends before it was decided."
-        return " ".join([*parts, told])
+                outcome = "The log ends before it was decided."
+        return " ".join([*parts, outcome])
 
     def _cure(self, story: FailureStory) -> str:
-        """` by LookAgain after 2 tries`; nothing where that is not known."""
+        """Return ` by LookAgain after 2 tries`; empty when the handler is unknown."""
         if story.episode is None:
             return ""
         episode = self._found.recovery.episodes[story.episode]
@@ -341,26 +342,26 @@ class ExplanationText:
         for look in looks:
             yield from wrapped(f"{look.time:7.2f} s  {look.why}", "  ", " " * 13)
         first = looks[0].time
-        for told, command in (
+        for title, command in (
             ("step through it", f"replay {self._log} --at {first:.2f}"),
             ("see it", f"snapshot {self._log} --at {first:.2f} -o moment.png"),
             ("the whole run", f"report {self._log} -o report.html"),
         ):
-            yield f"  {told:<16} {self._program} {command}"
+            yield f"  {title:<16} {self._program} {command}"
 
 
 def _timeline(item: ItemStory, width: int, everything: bool) -> str:
     done = item.state == "done" and all(e.failure is None for e in item.events)
-    told = [f"{e.time:.2f} s {_DETAILS.sub('', e.what) if done else e.what}" for e in item.events]
-    if len(told) > MAX_EVENTS and not everything:
-        told = [*told[: MAX_EVENTS - 3], f"… {len(told) - MAX_EVENTS + 1} more", *told[-2:]]
-    events = "; ".join(told)
+    parts = [f"{e.time:.2f} s {_DETAILS.sub('', e.what) if done else e.what}" for e in item.events]
+    if len(parts) > MAX_EVENTS and not everything:
+        parts = [*parts[: MAX_EVENTS - 3], f"… {len(parts) - MAX_EVENTS + 1} more", *parts[-2:]]
+    events = "; ".join(parts)
     truth = f" ({item.truth})" if item.truth else ""
     return f"{item.id:<{width}}  {item.state:<5} {events}{truth}"
 
 
 _DETAILS = re.compile(r",? (?:for the first time|at x|\().*")
-"""Parts left out of the timeline of an item that nothing happened to."""
+"""Parts that the timeline of an uneventful item leaves out."""
 
 
 def to_text(
@@ -372,7 +373,7 @@ def to_text(
     paint: Paint = plain,
     everything: bool = False,
 ) -> str:
-    """Without a line's end. `log`: what the reader typed for the log; `program`: how picktree is called."""
+    """Return the text without a trailing newline. `log`: the reader's argument; `program`: command name."""
     page = ExplanationText(
         found, shlex.quote(log), program, short_names(node.path for node in run.nodes), paint
     )
@@ -380,7 +381,8 @@ def to_text(
 
 
 def to_json_text(run: Run, found: Explanation) -> str:
-    """One object, with a line's end: outcome, failures, recovery, root_causes, items, look_at."""
+    """Return one JSON object with a trailing newline: outcome, failures, recovery, root_causes, items,
+    look_at."""
     info = run.info
     outcome = {
         **_plain(found.outcome),
@@ -416,7 +418,7 @@ def to_json_text(run: Run, found: Explanation) -> str:
 
 
 def notes_on(run: Run) -> tuple[str, ...]:
-    """Return the limits of this log that a reader should know before believing the explanation."""
+    """Return the limits of this log that matter for the explanation."""
     notes: list[str] = []
     if run.recovered:
         notes.append(run.recovered.removeprefix(f"{run.path}: "))
@@ -426,8 +428,8 @@ def notes_on(run: Run) -> tuple[str, ...]:
         notes.append(f"the log begins at {origin.time:.2f} s, at a checkpoint{of}; it lacks what was before")
     edits = [at.time for at in run.events if at.record.kind == "mission_edited"]
     if edits:
-        told = ", ".join(f"{time:.2f} s" for time in edits)
-        notes.append(f"the mission was edited while it ran, at {told}; nodes are those of their time")
+        times = ", ".join(f"{time:.2f} s" for time in edits)
+        notes.append(f"the mission was edited while it ran, at {times}; nodes are those of their time")
     for at in run.events:
         if isinstance(at.record, event_types.BlackboardSetEvent):
             notes.append(f"{at.time:.2f} s: {at.record.message}")
@@ -441,7 +443,7 @@ def _head(run: Run) -> str:
 
 
 def _cause(found: episode_counts.CauseCount) -> dict[str, Plain]:
-    """All episodes of one cause, with what was tried in `by`."""
+    """Return all episodes of one cause as JSON, with the handlers in `by`."""
     parts: list[Plain] = [_plain(each) for each in found.by_cure]
     return {**_plain(found.total), "by": parts}
 

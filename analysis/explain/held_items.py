@@ -11,7 +11,7 @@ from picktree.logs import log_records
 from picktree.world import GRAVITY, Array, extents
 
 from .case import Investigation
-from .device_causes import seen_displaced
+from .device_causes import explain_displaced_camera
 from .explanation import (
     Confidence,
     FailureStory,
@@ -33,27 +33,27 @@ LOAD_WINDOW = 3
 MIN_CLOSING = 0.002
 """Decrease of the opening beyond which the fingers count as closing, m."""
 REST_WINDOW = 3
-"""Readings in a row without motion that count as standing."""
+"""Number of successive readings without motion that count as rest."""
 FINGER_NOISE = 0.001
 """Motion of the fingers that is noise, m."""
 
 
 @dataclass(frozen=True, slots=True)
 class GripPeriod:
-    """One closing of the fingers on something."""
+    """Period from one closing of the fingers on something."""
 
     closed: float
     """Time at which the fingers began to close, s."""
     force: float
-    """The greatest force of a finger, N."""
+    """Maximum force of a finger, N."""
     load: float
-    """The greatest steady pull downwards while the fingers pressed on something, N; 0 when they never did."""
+    """Maximum steady downward load during the grip, N; 0 without a grip."""
     width: float
     """Opening at the end, m."""
 
 
 def grip_within(case: Investigation, start: float, end: float) -> GripPeriod | None:
-    """The last closing between two times, s; None when the fingers did not close then."""
+    """Return the last closing between two times (s); None when the fingers did not close."""
     joints, wrenches = case.run.joints, case.run.wrenches
     fingers = [n for n, name in enumerate(joints.names) if "finger" in name]
     if not fingers or not len(joints.times):
@@ -79,7 +79,7 @@ def grip_within(case: Investigation, start: float, end: float) -> GripPeriod | N
 
 
 def _closing(width: Array, effort: Array) -> int | None:
-    """Index at which the fingers last stood open, at rest and pressing on nothing, before they closed."""
+    """Return the last index before the closing at which the fingers were open, at rest and without force."""
     free = effort < GRIP_SHARE * max(float(effort.max()), 1.0)
     for k in range(len(width) - 1, REST_WINDOW - 1, -1):
         still = float(np.ptp(width[k - REST_WINDOW : k + 1])) < FINGER_NOISE
@@ -89,7 +89,7 @@ def _closing(width: Array, effort: Array) -> int | None:
 
 
 def _steady(values: Array) -> Array:
-    """The least of neighbouring readings: what did not last is left out."""
+    """Return the minimum of neighbouring readings, which suppresses short peaks."""
     if len(values) < LOAD_WINDOW:
         return values
     windows = np.lib.stride_tricks.sliding_window_view(
@@ -99,13 +99,13 @@ def _steady(values: Array) -> Array:
 
 
 SLIP_SHARE = 0.5
-"""Share of what the fingers should hold below which an item that slips must be slippery."""
+"""Share of the load that the fingers should hold below which a slipping item must be slippery."""
 WEIGHT_RATIO = 3.0
-"""A pull of this many times the catalogue's weight is that of another weight."""
+"""Ratio of a pull to the catalogue's weight above which the item has another weight."""
 MASS_RATIO = 1.5
-"""A true mass of this many times the catalogue's is another one."""
+"""Ratio of the true mass to the catalogue's above which the item differs from its kind."""
 FRICTION_RATIO = 0.7
-"""A true friction below this share of the catalogue's is another one."""
+"""Ratio of the true friction to the catalogue's below which the item differs from its kind."""
 JOLT_FORCE = 3.0
 """Force that lifting and braking may add to a weight, N."""
 WEIGHT_SHARE = 0.6
@@ -113,16 +113,16 @@ WEIGHT_SHARE = 0.6
 MAX_DOWNWARD = -0.8
 """Component along z of a contact's direction below which it pulls straight down."""
 GRIP_FACTOR = 1.3
-"""The fingers should hold this many times the weight."""
+"""Ratio of the weight that the fingers should hold to the item's weight."""
 MIN_SEPARATION = 0.015
-"""An item whose centre is this much further from the fingers than when they closed has left them, m."""
+"""Increase of the distance between item centre and fingers since closing above which it has left them, m."""
 IMPACT_SPEED = 0.5
-"""Speed against the hand, gravity aside, that no item gets by sliding out, m/s."""
+"""Speed relative to the hand, without gravity, that no item reaches by sliding out, m/s."""
 HOLD_FAILURES = (
     "grasp.slipped", "grasp.missed", "place.missed", "world.unknown_object", "perception.not_found",
     "safety.payload", "control.gripper", "insert.missed", "insert.not_found", "world.disturbed",
 )  # fmt: skip
-"""Failures that an item may have which is not in the hand any more."""
+"""Failures that the loss of an item from the hand may cause."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,15 +134,15 @@ class HeldPeriod:
     start: float
     end: float
     left: tuple[float, float] | None
-    """Times between which the item left the fingers while it was believed in them, s; None: it did not."""
+    """Times between which the item left the fingers although believed in them, s; None: it stayed."""
     flung: bool = False
     """Whether it left faster than it can fall."""
     unclear: bool = False
-    """Whether nothing tells how fast it left."""
+    """Whether the speed at which it left is unknown."""
 
 
 def held_periods(case: Investigation) -> tuple[HeldPeriod, ...]:
-    """Return when each item was believed in the hand, in order of time."""
+    """Return the periods in which an item was believed in the hand, in order of time."""
     found: list[HeldPeriod] = []
     for item, true in case.pairs.items():
         start: float | None = None
@@ -214,15 +214,15 @@ def explain_drop(case: Investigation, failure: FailureStory) -> Finding | None:
         return _let_go(case, failure, period)
     if failure.time - period.end > LOSS_TIME or _seen_since(case, true, period.end, failure.time):
         return None
-    return why_it_left(case, period)
+    return explain_departure(case, period)
 
 
 LOSS_TIME = 10.0
-"""A failure this long after the item left the hand may come from it, s."""
+"""Time after the loss of an item within which a failure may come from it, s."""
 
 
 def _seen_since(case: Investigation, true: str, since: float, until: float) -> bool:
-    """Whether an item was seen at rest between two times: from there on its place was known again."""
+    """Whether an item was seen at rest between two times, so that its place was known again."""
     sightings = (s for item in case.believed.get(true, ()) for s in case.identities.by_item.get(item, ()))
     return any(since + 0.1 < s.time < until and _rests(case, true, s.time) for s in sightings)
 
@@ -234,7 +234,7 @@ def _rests(case: Investigation, true: str, time: float) -> bool:
 
 
 def _let_go(case: Investigation, failure: FailureStory, period: HeldPeriod) -> Finding | None:
-    """The robot took an item for lost that was between its fingers."""
+    """Return the finding that the robot gave up an item which was still between its fingers; else None."""
     time = min(failure.time, period.end)
     hand, body = case.hand(time), case.truth.at(period.true, time)
     soon = failure.time - period.end < (REPORT_TIME if failure.cause == "grasp.slipped" else LOSS_TIME)
@@ -243,7 +243,7 @@ def _let_go(case: Investigation, failure: FailureStory, period: HeldPeriod) -> F
         return None
     if math.dist(hand, body.pose.position) > reach_of(body):
         return None
-    if (nature := _by_its_nature(case, failure.item, period.true, time)) is not None:
+    if (nature := _item_deviation(case, failure.item, period.true, time)) is not None:
         return nature
     load = number(failure, "load")
     felt = "" if load is None else f": the wrist felt {force(max(load, 0.0))} of it"
@@ -253,7 +253,7 @@ def _let_go(case: Investigation, failure: FailureStory, period: HeldPeriod) -> F
 
 
 def _given_up_unfelt(case: Investigation, period: HeldPeriod, failure: FailureStory) -> bool:
-    """Whether the robot let an item go because it did not feel it, and missed it where it had been."""
+    """Whether the robot released an item that it did not feel, and then did not find it at its old place."""
     change = next((at for at in case.changes(period.item) if abs(at.time - period.end) < 1e-6), None)
     unfelt = change is not None and change.record.reason == "not felt in the hand"
     return (
@@ -264,21 +264,21 @@ def _given_up_unfelt(case: Investigation, period: HeldPeriod, failure: FailureSt
 
 
 REPORT_TIME = 2.0
-"""A failure says within this time that the item counts as lost, s."""
+"""Time within which a failure reports the loss of the item, s."""
 
 EMPTY_WIDTH = 0.002
-"""Fingers that are closer than this hold nothing, m."""
+"""Opening below which the fingers hold nothing, m."""
 MIN_PUSH = 2.0
-"""A load this far below nothing is a push from below, N."""
+"""Negative load above which a body pushes from below, N."""
 
 
 def pressed_from_below(failure: FailureStory) -> bool:
-    """Whether what is said to have slipped is still between the fingers, and something bears its weight."""
+    """Whether an item reported as slipped is still between the fingers, and another body bears its weight."""
     width, load = number(failure, "width"), number(failure, "load")
     return failure.cause == "grasp.slipped" and (width or 0.0) > EMPTY_WIDTH and (load or 0.0) < -MIN_PUSH
 
 
-def why_it_left(case: Investigation, period: HeldPeriod) -> Finding | None:
+def explain_departure(case: Investigation, period: HeldPeriod) -> Finding | None:
     """Return why an item left the fingers; None where it was taken away."""
     item, true = period.item, period.true
     assert period.left is not None
@@ -288,19 +288,19 @@ def why_it_left(case: Investigation, period: HeldPeriod) -> Finding | None:
         return None
     lies = case.truth.tracks[true].before(end + 1.0)
     where = "" if lies is None else f"; it came to lie at {place(lies.pose.position)}"
-    told = f"truly it left the fingers {between(start, end)}{where}"
+    departure = f"truly it left the fingers {between(start, end)}{where}"
     until = [f"the robot believed that it held it until {seconds(period.end)}"] * (period.end - end > 1.0)
-    found = _by_its_nature(case, item, true, end) or _by_the_grip(case, period)
+    found = _item_deviation(case, item, true, end) or _weak_grip(case, period)
     if found is not None:
-        return Finding(found.cause, found.about, found.title, (*found.reasons, told, *until), item, start,
-                       found.confidence)  # fmt: skip
+        reasons = (*found.reasons, departure, *until)
+        return Finding(found.cause, found.about, found.title, reasons, item, start, found.confidence)
     others = [p for p in case.once(held_periods) if p.true == true and p.left is None and p is not period]
     well = [f"it was held well at {listed_times([p.start for p in others])}"] if others else []
     if period.flung:
         title = f"{item} was knocked out of the hand {between(start, end)}"
-        reasons = (told, "it left faster than it can fall", *well, *until)
+        reasons = (departure, "it left faster than it can fall", *well, *until)
         return Finding("item.struck", true, title, reasons, item, start)
-    if (camera := seen_displaced(case, item, period.start)) is not None:
+    if (camera := explain_displaced_camera(case, item, period.start)) is not None:
         return camera  # it was gripped beside its middle
     sure: Confidence = "likely" if case.devices else "possible"
     title = f"{item} slid out of the fingers {between(start, end)}"
@@ -308,11 +308,11 @@ def why_it_left(case: Investigation, period: HeldPeriod) -> Finding | None:
     against = (
         ("how fast it left is not in the log: something may have knocked it out",) if period.unclear else ()
     )
-    return Finding("item.slipped", true, title, (told, *well, *until), item, start, sure, against)
+    return Finding("item.slipped", true, title, (departure, *well, *until), item, start, sure, against)
 
 
-def _by_its_nature(case: Investigation, item: str, true: str, time: float) -> Finding | None:
-    """Whether the item truly has another mass, or another friction, than its kind."""
+def _item_deviation(case: Investigation, item: str, true: str, time: float) -> Finding | None:
+    """Return the finding that the item's true mass or friction differs from the catalogue; else None."""
     entry = case.entry_of(true)
     state = next((s for s in reversed(case.devices) if s.time <= time + 0.25), None)
     if entry is None or state is None:
@@ -329,8 +329,8 @@ def _by_its_nature(case: Investigation, item: str, true: str, time: float) -> Fi
     return None
 
 
-def _by_the_grip(case: Investigation, period: HeldPeriod) -> Finding | None:
-    """Whether the force of the fingers, by the catalogue or by what they felt, could not hold the item."""
+def _weak_grip(case: Investigation, period: HeldPeriod) -> Finding | None:
+    """Return the finding that the grip force was too small for the item; else None."""
     entry = case.entry_of(period.true)
     assert period.left is not None
     around = [v.start for v in case.family.visits if v.id == "Grasp" and v.start <= period.start <= v.end]
@@ -367,7 +367,7 @@ def _by_the_grip(case: Investigation, period: HeldPeriod) -> Finding | None:
 
 
 def explain_overweight(case: Investigation, failure: FailureStory) -> Finding | None:
-    """Whether what the hand held, or was about to lift, pulled it down much harder than it should weigh."""
+    """Return the finding that the held or lifted item pulled harder than its catalogue weight; else None."""
     if failure.cause not in ("world.disturbed", "safety.force_limit", "control.tracking", "safety.payload"):
         return None
     held = next((b for b in case.believed_at(failure.time - 1e-3) if b.attached), None)
@@ -375,7 +375,7 @@ def explain_overweight(case: Investigation, failure: FailureStory) -> Finding | 
     if held is None or entry is None or held.id in case.identities.phantoms:
         return None
     true = case.pairs.get(held.id, held.id)
-    nature = _by_its_nature(case, held.id, true, failure.time)
+    nature = _item_deviation(case, held.id, true, failure.time)
     if nature is not None and nature.cause == "item.heavy":
         return nature
     pull, down = _pull(failure)
@@ -401,7 +401,7 @@ def explain_overweight(case: Investigation, failure: FailureStory) -> Finding | 
 
 
 def _pull(failure: FailureStory) -> tuple[float, bool]:
-    """Force of a contact in N, and whether it pulls down."""
+    """Return the force of a contact, N, and whether it pulls down."""
     vector = numbers(failure, "force")  # of a safety stop
     if len(vector) == 3:
         size = math.hypot(*vector)

@@ -1,4 +1,4 @@
-"""Identities: which true item each believed one is at each look, phantoms and second names included."""
+"""Identities of believed items: their true items at each look, phantoms and second names included."""
 
 from __future__ import annotations
 
@@ -20,32 +20,32 @@ from .body_tracks import BodyTracks, horizontal_distance, offset
 MATCH_RANGE = 0.08
 """Greatest distance between a detection and the true item that it can be, m."""
 OTHER_COLOUR_RANGE = 0.03
-"""The same for an item of another colour, m."""
+"""Greatest distance between a detection and a true item of another colour, m."""
 COLOUR_COST, KIND_COST = 0.05, 0.02
-"""Distances that a difference in colour, or in kind, is worth, m: both may be misjudged."""
+"""Costs of a difference in colour and in kind, m: both may be misjudged."""
 MAX_AGE = 0.16
-"""A belief this young shows the item as the camera saw it, s: thinking about it takes up to three ticks."""
+"""Maximum age of a belief that shows the item as the camera saw it, s: perception takes up to three ticks."""
 MAX_SCATTER = 0.35
-"""Share of the mean by which offsets that have one origin may scatter."""
+"""Maximum scatter of offsets with one origin, as a share of their mean."""
 MIN_COMMON = 0.006
 """Least offset that counts as common, m."""
-NO_MATCH = 10.0
+NO_MATCH_COST = 10.0
 UNSEEN_RANGE = 0.15
-"""The same for an item that no camera saw where it is believed, m: in the hand (in the mean), or placed."""
+"""Greatest distance for an item that no camera saw at its believed place, m: held (mean) or placed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sighting:
-    """One believed item as a camera just saw it."""
+    """Believed item as a camera just saw it."""
 
     time: float
     item: str
     seen: log_records.BodyRecord
     true: str = ""
-    """True item that it is; empty where nothing like it was there, or another name has it."""
+    """Id of the true item; empty without a similar item there, or when another name has it."""
     body: log_records.BodyRecord | None = None
     near: str = ""
-    """Nearest true item that reaches to it, whatever its name."""
+    """Nearest true item at this place, of any name."""
 
     @property
     def off(self) -> tuple[float, float]:
@@ -112,7 +112,7 @@ class Identities:
         return {**found, **lifted}
 
     def _seen_before(self, found: Mapping[str, str]) -> Mapping[str, str]:
-        """Return the true items of those that were last seen before the log began, by where they were then.
+        """Return the true items of believed ones that were last seen before the log began, by place.
 
         The log is a later file of a rotated one, or that of a run which was taken up.
         """
@@ -161,7 +161,7 @@ class Identities:
 def common_offset(
     seen: Sequence[tuple[str, log_records.BodyRecord]], true: Sequence[tuple[str, log_records.BodyRecord]]
 ) -> tuple[float, float]:
-    """Return the offset that all seen items have to the true ones alike, m; 0 without a common one."""
+    """Return the common offset of all seen items from the true ones, m; 0 without a common offset."""
     ways: list[tuple[float, float]] = []
     for _, body in seen:
         alike = [o for _, o in true if o.kind == body.kind and o.colour == body.colour]
@@ -182,12 +182,12 @@ def _matched(
     common: tuple[float, float],
     near: float = MATCH_RANGE,
 ) -> dict[int, int]:
-    """Return the number of the true item by that of the believed one, assigned one to one."""
+    """Return a one-to-one assignment: index of the true item by index of the believed one."""
     cost = np.array([[_unlike(body, other, common, near) for _, other in true] for _, body in seen])
     if not cost.size:
         return {}
     rows, columns = linear_sum_assignment(cost)
-    return {int(r): int(c) for r, c in zip(rows, columns, strict=True) if cost[r, c] < NO_MATCH}
+    return {int(r): int(c) for r, c in zip(rows, columns, strict=True) if cost[r, c] < NO_MATCH_COST}
 
 
 def _unlike(
@@ -196,7 +196,7 @@ def _unlike(
     x, y, z = offset(seen, true)
     distance = math.hypot(x - common[0], y - common[1], z)
     if distance > (near if seen.colour == true.colour else OTHER_COLOUR_RANGE):
-        return NO_MATCH
+        return NO_MATCH_COST
     return distance + COLOUR_COST * (seen.colour != true.colour) + KIND_COST * (seen.kind != true.kind)
 
 

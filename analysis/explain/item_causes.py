@@ -1,4 +1,4 @@
-"""Causes that lie in items: where an item truly was, and what it truly is."""
+"""Causes in items: wrong place, size, number or identity of an item."""
 
 from __future__ import annotations
 
@@ -13,35 +13,35 @@ from picktree.world.scene import CameraDescription
 
 from .body_tracks import horizontal_distance
 from .case import Investigation
-from .device_causes import seen_displaced
+from .device_causes import explain_displaced_camera
 from .explanation import FailureStory, Finding, between, counted, distance, force, number, place, seconds
 from .held_items import EMPTY_WIDTH, grip_within, held_periods
 
 MIN_MOVE = 0.015
-"""A true item that is this far from where it was when last seen has moved, m."""
+"""Distance from its last seen place above which a true item has moved, m."""
 MOVE_START = 0.008
 """Distance beyond which an item counts as moving already, m."""
 MIN_ERROR = 0.012
-"""A belief this far from the truth while the item was seen is wrong, m."""
+"""Distance between belief and truth of a visible item above which the belief is wrong, m."""
 PUSH_RANGE = 0.12
-"""The hand this near to an item may have pushed it, m."""
+"""Distance from the hand within which it may have pushed an item, m."""
 TOUCH_FORCE = 6.0
-"""Force at the wrist that tells of a touch, N: more than the hand's own weight gives when it is swung."""
-NOWHERE = "it is nowhere in the robot's world any more"
+"""Force on the wrist that indicates a contact, N: more than the swinging hand's own weight causes."""
+ABSENCE_TEXT = "it is nowhere in the robot's world any more"
 SAMPLE_TIME = 0.1
-"""Between two looks at where the hand was, s."""
+"""Interval between two samples of the hand's position, s."""
 SEEK_FAILURES = frozenset(
     {
         "grasp.missed", "grasp.slipped", "grasp.no_candidate", "world.unknown_object", "world.disturbed",
         "perception.not_found", "perception.stale", "place.missed",
     }
 )  # fmt: skip
-"""Causes that an item which is elsewhere may have."""
+"""Causes of failure that an item at another place may have."""
 
 
 @dataclass(frozen=True, slots=True)
 class ItemDisplacement:
-    """An item's way between two samples of the truth."""
+    """Displacement of an item between two samples of the truth."""
 
     start: float
     end: float
@@ -49,8 +49,8 @@ class ItemDisplacement:
     """Distance from the place where it was last seen to its place in the end, m."""
 
 
-def wrong_location_cause(case: Investigation, failure: FailureStory) -> Finding | None:
-    """Whether the item was truly elsewhere, or nowhere, when the hand reached for it or should hold it."""
+def explain_wrong_place(case: Investigation, failure: FailureStory) -> Finding | None:
+    """Return the finding that the item was not at its believed place when the hand needed it; else None."""
     if failure.cause not in SEEK_FAILURES or not failure.item:
         return None
     item, true = failure.item, case.pairs.get(failure.item)
@@ -61,7 +61,7 @@ def wrong_location_cause(case: Investigation, failure: FailureStory) -> Finding 
 
 
 def _reached(case: Investigation, failure: FailureStory) -> float:
-    """Return when the fingers closed, else when it failed."""
+    """Return the time at which the fingers closed, or else of the failure, s."""
     visit = case.visit(failure)
     grip = grip_within(case, visit.start, failure.time) if failure.cause.startswith("grasp.") else None
     return failure.time if grip is None else grip.closed
@@ -75,7 +75,7 @@ def _taken(case: Investigation, failure: FailureStory, true: str, reached: float
     was = case.belief.at(item, gone[0])
     held = was is not None and was.attached
     last = case.truth.tracks[true].bodies[-1].pose.position
-    title = f"{item} was taken {'out of the hand' if held else 'away'} {between(*gone)}: {NOWHERE}"
+    title = f"{item} was taken {'out of the hand' if held else 'away'} {between(*gone)}: {ABSENCE_TEXT}"
     reasons = [f"its true place is in the log until {seconds(gone[0])} ({place(last)}), and then no more"]
     reasons += _felt_nothing(failure)
     reasons += _seen_empty(case, item, gone[0])
@@ -88,11 +88,11 @@ def _moved(
     believed = case.belief.tracks[item].before(reached)
     if believed is None or believed.attached or failure.cause == "grasp.slipped":
         return None
-    moving = way_since(case, true, _settled(case, item, reached), reached)
+    moving = displacement_since(case, true, _settled(case, item, reached), reached)
     now = None if moving is None else case.truth.tracks[true].before(max(moving.end, reached))
     if moving is None or now is None or horizontal_distance(now, believed) < MIN_ERROR:
         return None
-    pushed, told = by_the_arm(case, true, moving)
+    pushed, evidence = moved_by_arm(case, true, moving)
     verb = "the arm pushed it" if pushed else "it had moved"
     title = (
         f"{item} was not where it was believed to be: {verb} by {distance(moving.way)} "
@@ -105,7 +105,7 @@ def _moved(
     reasons.append(
         f"truly it was at {place(now.pose.position)}, {distance(horizontal_distance(now, believed))} away"
     )
-    reasons.append(told)
+    reasons.append(evidence)
     reasons += _felt_nothing(failure)
     cause = "item.pushed_by_arm" if pushed else "item.moved"
     lay = case.truth.tracks[true].before(moving.start)
@@ -117,13 +117,13 @@ def _moved(
 
 
 def _settled(case: Investigation, item: str, until: float) -> float:
-    """Return since when the belief has had the item where it has it at that time, s."""
+    """Return the time from which the belief has had the item at its place of that time, s."""
     changes = [at.time for at in case.changes(item, end=until)]
     return changes[-1] if changes else 0.0
 
 
-def way_since(case: Investigation, true: str, seen: float, until: float) -> ItemDisplacement | None:
-    """Return how a true item moved away between two times, if it did; None for one that was carried."""
+def displacement_since(case: Investigation, true: str, seen: float, until: float) -> ItemDisplacement | None:
+    """Return the displacement of a true item between two times; None without one, or for a carried item."""
     track = case.truth.tracks[true]
     bodies = [
         (t, b) for t, b in zip(track.times, track.bodies, strict=True) if seen <= t <= until + case.sampled
@@ -144,8 +144,8 @@ def way_since(case: Investigation, true: str, seen: float, until: float) -> Item
     return ItemDisplacement(rested, max(begun, rested), max(way, far))
 
 
-def by_the_arm(case: Investigation, true: str, moving: ItemDisplacement) -> tuple[bool, str]:
-    """Whether the arm moved the item, and what tells so."""
+def moved_by_arm(case: Investigation, true: str, moving: ItemDisplacement) -> tuple[bool, str]:
+    """Return whether the arm moved the item, and the evidence for it."""
     track = case.truth.tracks[true]
     body, after = track.before(moving.start) or track.first, track.after(moving.end) or track.bodies[-1]
     times = np.arange(moving.start, moving.end + 1e-6, SAMPLE_TIME)
@@ -172,8 +172,8 @@ def by_the_arm(case: Investigation, true: str, moving: ItemDisplacement) -> tupl
     return True, f"the hand was {distance(nearest)} from it then, and felt {force(felt)}"
 
 
-def misjudged(case: Investigation, failure: FailureStory) -> Finding | None:
-    """Whether the item lay still, and was believed somewhere else all the time."""
+def explain_misjudged_place(case: Investigation, failure: FailureStory) -> Finding | None:
+    """Return the finding that a resting item was believed elsewhere all the time; else None."""
     true = case.pairs.get(failure.item)
     if true is None or failure.cause not in SEEK_FAILURES or failure.cause == "grasp.slipped":
         return None
@@ -186,7 +186,7 @@ def misjudged(case: Investigation, failure: FailureStory) -> Finding | None:
         or horizontal_distance(body, believed) < MIN_ERROR
     ):
         return None
-    if (camera := seen_displaced(case, failure.item, reached)) is not None:
+    if (camera := explain_displaced_camera(case, failure.item, reached)) is not None:
         return camera
     settled = _settled(case, failure.item, reached)
     reasons = (f"believed at {place(believed.pose.position)}, truly at {place(body.pose.position)}",)
@@ -219,7 +219,7 @@ def _seen_empty(case: Investigation, item: str, since: float) -> list[str]:
     return []
 
 
-def never_seen(case: Investigation, true: str) -> Finding:
+def explain_never_seen(case: Investigation, true: str) -> Finding:
     """Return the finding about a true item that was never believed to be there."""
     body = case.truth.tracks[true].first
     cameras = [c for c in case.scene.cameras if c.on == "world"] if case.scene else []
@@ -232,7 +232,7 @@ def never_seen(case: Investigation, true: str) -> Finding:
 
 
 def in_picture(camera: CameraDescription, body: log_records.BodyRecord) -> bool:
-    """Whether the body's centre is within the picture, as far as the camera hangs where it is believed to."""
+    """Whether the body's centre is within the image, if the camera is at its believed pose."""
     x, y, z = (camera.pose.inverse() @ body.pose).position
     width, height = camera.size
     if z <= 0.0:
@@ -242,8 +242,8 @@ def in_picture(camera: CameraDescription, body: log_records.BodyRecord) -> bool:
 
 
 SIZE_RATIO = 1.08
-"""A true size of this many times the catalogue's is another one."""
-SIZE_FREE = (
+"""Ratio of the true size to the catalogue's above which the item differs from its kind."""
+SIZE_INDEPENDENT_CAUSES = (
     "control.",
     "tree.",
     "internal.",
@@ -251,11 +251,11 @@ SIZE_FREE = (
     "perception.no_image",
     "safety.stale_sensor",
 )
-"""Failures that an item's own size has nothing to do with."""
+"""Beginnings of causes that do not depend on an item's size."""
 
 
 def size_of(case: Investigation, true: str, time: float) -> float:
-    """Return the size of a true item as a multiple of its kind's; 1 where the catalogue does not tell."""
+    """Return the size of a true item as a multiple of its kind's; 1 when the catalogue has no size."""
     entry, body = case.entry_of(true), case.truth.tracks[true].before(time)
     if entry is None or body is None:
         return 1.0
@@ -263,8 +263,8 @@ def size_of(case: Investigation, true: str, time: float) -> float:
     return float(np.median((high - low) / np.maximum(most - least, 1e-6)))
 
 
-def too_wide(case: Investigation, failure: FailureStory) -> Finding | None:
-    """Whether the hand does not open wide enough for an item."""
+def explain_too_wide(case: Investigation, failure: FailureStory) -> Finding | None:
+    """Return the finding that the hand does not open wide enough for an item; else None."""
     if failure.cause != "grasp.no_candidate" or number(failure, "candidates") != 0:
         return None
     body = case.belief.at(failure.item, failure.time)
@@ -286,9 +286,9 @@ def _least_width(shape: Shape, pose: Pose) -> float:
     return float(np.ptp(outline @ across.T, axis=0).min())
 
 
-def larger(case: Investigation, failure: FailureStory) -> Finding | None:
-    """Whether the item, or one in the way of its grasp, truly has another size than its kind."""
-    if failure.cause.startswith(SIZE_FREE):
+def explain_wrong_size(case: Investigation, failure: FailureStory) -> Finding | None:
+    """Return the finding that the item, or one in the way of its grasp, differs in size from its kind."""
+    if failure.cause.startswith(SIZE_INDEPENDENT_CAUSES):
         return None
     touched = [by.split("/")[0] for choice in failure.choices for r in choice.rejections if (by := r.by)]
     for item in (failure.item, *dict.fromkeys(touched)):
@@ -301,8 +301,8 @@ def larger(case: Investigation, failure: FailureStory) -> Finding | None:
     return None
 
 
-def another_size(case: Investigation, true: str) -> Finding | None:
-    """Whether an item that a camera shows, and that was not recognised, has another size than its kind."""
+def explain_unrecognised_size(case: Investigation, true: str) -> Finding | None:
+    """Return the finding that an item was not recognised because its size differs from its kind."""
     cameras = [camera for camera in case.scene.cameras if camera.on == "world"] if case.scene else []
     if not any(in_picture(camera, case.truth.tracks[true].first) for camera in cameras):
         return None
@@ -325,10 +325,10 @@ def _another_size(case: Investigation, true: str, item: str, factor: float) -> F
     return Finding("item.larger", true, title, tuple(reasons), item, None)
 
 
-def nothing_there(case: Investigation, failure: FailureStory) -> Finding | None:
-    """Whether the item that failed never was a true one of its own, or one that it touched was not."""
+def explain_missing_item(case: Investigation, failure: FailureStory) -> Finding | None:
+    """Return the finding that the failure's item, or one that it touched, never existed; else None."""
     phantoms = case.identities.phantoms
-    if failure.cause.startswith(SIZE_FREE):
+    if failure.cause.startswith(SIZE_INDEPENDENT_CAUSES):
         return None
     touched = [by.split("/")[0] for choice in failure.choices for r in choice.rejections if (by := r.by)]
     held = [body.id for body in case.believed_at(failure.time) if body.attached]
@@ -359,8 +359,8 @@ def nothing_there(case: Investigation, failure: FailureStory) -> Finding | None:
     return Finding("perception.phantom", item, title, reasons, item, seen.time)
 
 
-def appeared(case: Investigation, true: str) -> Finding | None:
-    """Whether a true item came when nobody looked any more, without the feed."""
+def explain_late_arrival(case: Investigation, true: str) -> Finding | None:
+    """Return the finding that a true item appeared after the last look, without the feed; else None."""
     first = case.truth.tracks[true].times[0]
     if first <= case.truth.times[0] + 1e-6 or case.believed.get(true):
         return None
@@ -375,6 +375,6 @@ def appeared(case: Investigation, true: str) -> Finding | None:
         f"the robot looked {counted(later, 'time')} after that, the last time at {seconds(looks[-1])}"
         if looks
         else "the robot never looked",
-        "the scene's feed brought it" if fed else "it is none of those that lay there at the start",
+        "the scene's feed brought it" if fed else "it was not there at the start",
     )
     return Finding("item.appeared", true, title, reasons, true, first)

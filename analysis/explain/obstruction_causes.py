@@ -32,22 +32,22 @@ from .explanation import (
     words,
 )
 from .held_items import pressed_from_below
-from .item_causes import way_since
+from .item_causes import displacement_since
 
 STOP_FAILURES = frozenset(
     {"world.disturbed", "safety.force_limit", "safety.stop", "control.tracking", "control.timeout",
      "safety.torque_limit", "safety.watchdog", "planning.blocked"}
 )  # fmt: skip
 HAND_RANGE = 0.15
-"""Distance from the fingers' joints within which they, or the held object, may touch something, m."""
+"""Distance from the fingers' joints within which fingers or held object may touch a body, m."""
 TOUCH_MARGIN = 0.005
-"""Margin around a body within which another one may touch it, m."""
+"""Margin around a body within which another body counts as touching it, m."""
 ITEM_RANGE = 0.08
-"""An item nearer to the hand than that was touched rather than an unknown thing beside it, m."""
+"""Distance from the hand within which an item was touched rather than an unknown obstacle next to it, m."""
 
 
-def touched(case: Investigation, failure: FailureStory) -> Finding | None:
-    """Return the body truly near the hand when it was stopped; None when the cause is no touch."""
+def explain_contact(case: Investigation, failure: FailureStory) -> Finding | None:
+    """Return the finding about the body near the stopped hand; None when the cause is no contact."""
     stopped = failure.cause in STOP_FAILURES or pressed_from_below(failure)
     if not stopped and not (failure.cause.startswith("safety.") and case.obstacles_near(failure.time)):
         return None
@@ -70,13 +70,13 @@ def touched(case: Investigation, failure: FailureStory) -> Finding | None:
     where = f" on its way with {failure.item}" if failure.item else ""
     unknown = next(iter(case.obstacles_near(time)), None)
     if unknown is not None and (not near or min(near)[0] > ITEM_RANGE):
-        title = f"{verb}{where}: {unknown}, which nobody had told the robot of, stood next to it"
+        title = f"{verb}{where}: {unknown}, an obstacle that the robot did not know, was next to it"
         reasons.append(_when_seen(case, time))
         return Finding("contact.obstacle", unknown, title, tuple(reasons), failure.item, time)
     if near:
         away, true = min(near)
         name = case.name_of(true)
-        moving = way_since(case, true, max(time - 2.0, 0.0), time)
+        moving = displacement_since(case, true, max(time - 2.0, 0.0), time)
         reasons.append(f"{name} was {distance(away)} from the hand")
         if moving is not None:
             reasons.append(f"{name} moved by {distance(moving.way)} about then")
@@ -103,7 +103,7 @@ def _reach(body: log_records.BodyRecord) -> float:
 
 
 def _when_seen(case: Investigation, time: float) -> str:
-    """Return when the robot last looked before it."""
+    """Return a sentence about the last look before that time."""
     looks = case.events(ImageEvent, start=0.0, end=time)
     return f"it was looked for the last time at {seconds(looks[-1].time)}" if looks else "nobody had looked"
 
@@ -121,14 +121,14 @@ CLEARANCE = 0.35
 
 
 def fixture_above(case: Investigation, target: Bin) -> str:
-    """The fixture that covers a bin, or reaches into the room over it; empty when none does."""
+    """Return the fixture that covers a bin, or reaches into the space over it; empty without one."""
     (x, y, z), (sx, sy, sz) = target.pose.position, target.size
     low, high = (x - sx / 2, y - sy / 2, z + sz), (x + sx / 2, y + sy / 2, z + sz + CLEARANCE)
     return next((name for name, fixture in case.fixtures.items() if _overlap(fixture, low, high)), "")
 
 
 def fixtures_around(case: Investigation, lies: log_records.BodyRecord) -> list[str]:
-    """Fixtures in the column over an item, the hand's width around it."""
+    """Return the fixtures in the column over an item, with the hand's width around it."""
     x, y, z = lies.pose.position
     low, high = (
         (x - CLEARANCE / 2, y - CLEARANCE / 2, z),
@@ -144,25 +144,27 @@ def _overlap(fixture: Fixture, low: Sequence[float], high: Sequence[float]) -> b
 
 
 OVERHANG = 0.1
-"""Distance beside a bin at which the middle of a link still reaches over it, m."""
-NOWHERE = "cannot be put where it belongs"
+"""Distance from a bin's side at which a link's centre still reaches over the bin, m."""
+PLACEMENT_REFUSAL = "cannot be put where it belongs"
 APPROACH = 0.08
-"""Height over a grasp, or a bin, from which the hand comes down, m."""
+"""Height over a grasp, or a bin, at which the hand's descent begins, m."""
 
 
-def no_way_to_bin(case: Investigation, failure: FailureStory, refused: int, total: int) -> Finding | None:
-    """No grasp leads to the item's bin: because that is full, covered, or too far away."""
+def explain_unreachable_bin(
+    case: Investigation, failure: FailureStory, refused: int, total: int
+) -> Finding | None:
+    """Return the finding that no grasp leads to the item's bin: it is full, covered, or out of reach."""
     lies = case.last_believed(failure)
     target = case.bins.get(case.destination(lies)) if lies else None
-    reasons = (f"from {refused} of {total} grasps {failure.item} {NOWHERE}",)
+    reasons = (f"from {refused} of {total} grasps {failure.item} {PLACEMENT_REFUSAL}",)
     if lies is None or target is None:
         return None
-    full = full_bin(case, failure, str(target.id), reasons)
+    full = explain_full_bin(case, failure, str(target.id), reasons)
     if full is not None:
         return full
     over = fixture_above(case, target)
     if over:
-        title = f"{over} stands in the way over {target.id}: {failure.item} cannot be put there"
+        title = f"{over} is in the way over {target.id}: {failure.item} cannot be put there"
         return Finding("scene.blocked", over, title, reasons, failure.item, failure.time)
     arm = case.arm
     x, y, z = target.pose.position
@@ -171,9 +173,7 @@ def no_way_to_bin(case: Investigation, failure: FailureStory, refused: int, tota
         for yaw in np.linspace(0.0, 2 * np.pi, 8, endpoint=False)
     ]
     if arm is not None and not reachable(arm, down):
-        title = (
-            f"{target.id} stands where the arm does not reach it from above: {failure.item} cannot go there"
-        )
+        title = f"the arm does not reach {target.id} from above: {failure.item} cannot go there"
         return Finding("bin.out_of_reach", str(target.id), title, reasons, failure.item, failure.time)
     inside = [b.id for b in case.believed_at(failure.time) if b.place == target.id]
     if inside:
@@ -184,10 +184,10 @@ def no_way_to_bin(case: Investigation, failure: FailureStory, refused: int, tota
     return Finding("bin.hemmed_in", str(target.id), title, reasons, failure.item, failure.time)
 
 
-def full_bin(
+def explain_full_bin(
     case: Investigation, failure: FailureStory, bin_id: str, reasons: tuple[str, ...] = ()
 ) -> Finding | None:
-    """Whether what is believed to lie in the bin leaves no spot in it."""
+    """Return the finding that the believed items leave no free spot in the bin; else None."""
     target = case.bins.get(bin_id)
     if target is None:
         return None
@@ -202,8 +202,11 @@ def full_bin(
         f"{bin_id} was full when {failure.item} was to go there: {counted(len(inside), 'item')} "
         f"{'lies' if len(inside) == 1 else 'lie'} in it, and it measures {size} cm"
     )
-    told = (*reasons, f"in it at {seconds(failure.time)}: {listed([b.id for b in inside], 8) or 'nothing'}")
-    return Finding("bin.full", bin_id, title, told, failure.item, failure.time)
+    evidence = (
+        *reasons,
+        f"in it at {seconds(failure.time)}: {listed([b.id for b in inside], 8) or 'nothing'}",
+    )
+    return Finding("bin.full", bin_id, title, evidence, failure.item, failure.time)
 
 
 def _object(body: log_records.BodyRecord) -> BeliefObject:
@@ -222,18 +225,19 @@ def _object(body: log_records.BodyRecord) -> BeliefObject:
     )
 
 
-TOUCHES = re.compile(r"the hand would touch (.+)")
-PAIR = re.compile(r"(\S+) (?:only )?[\d.]+ mm (?:deep in|from) (\S+)")
-FAR = "is out of reach or in collision"
+HAND_CONTACT = re.compile(r"the hand would touch (.+)")
+COLLISION_PAIR = re.compile(r"(\S+) (?:only )?[\d.]+ mm (?:deep in|from) (\S+)")
+UNREACHABLE = "is out of reach or in collision"
 
 
-def obstruction_cause(case: Investigation, failure: FailureStory) -> Finding | None:
-    """Return why a plan or a choice of grasps failed; None for other causes, or without evidence."""
+def explain_obstruction(case: Investigation, failure: FailureStory) -> Finding | None:
+    """Return the finding about a failed plan or choice of grasps; None for other causes, or without
+    evidence."""
     match failure.cause:
         case "grasp.no_candidate":
             return _held_another(failure) or _no_grasp(case, failure)
         case "place.full":
-            return full_bin(case, failure, word(failure, "bin"))
+            return explain_full_bin(case, failure, word(failure, "bin"))
         case "place.occupied":
             return _occupied(case, failure)
         case "planning.budget":
@@ -251,7 +255,7 @@ def obstruction_cause(case: Investigation, failure: FailureStory) -> Finding | N
 
 
 def _under_arm(case: Investigation, failure: FailureStory) -> Finding | None:
-    """Return that the arm stayed over a bin that was to be exchanged; None for what is no bin."""
+    """Return the finding that the arm stayed over a bin to be exchanged; None when the body is no bin."""
     bin_ = case.bins.get(word(failure, "bin"))
     links = case.links(failure.time)
     if bin_ is None or not len(links):
@@ -284,21 +288,21 @@ def _no_grasp(case: Investigation, failure: FailureStory) -> Finding | None:
     far = nowhere = 0
     for rejection in choice.rejections:
         reason, count = rejection.reason, rejection.count
-        match = TOUCHES.match(reason)
+        match = HAND_CONTACT.match(reason)
         if (
             rejection.stage
             in (pick_candidates.ROOM_STAGE, pick_candidates.PLACE_STAGE, pick_candidates.TRANSFER_STAGE)
-            or NOWHERE in reason
+            or PLACEMENT_REFUSAL in reason
         ):
             nowhere += count
         elif match:
             touched[(rejection.by or match.group(1)).split("/")[0]] += count
-        elif rejection.stage or FAR in reason:
+        elif rejection.stage or UNREACHABLE in reason:
             far += count
             if rejection.by:
                 hindered[rejection.by] += count
     if nowhere >= max(far, touched.total()):
-        return no_way_to_bin(case, failure, nowhere, total)
+        return explain_unreachable_bin(case, failure, nowhere, total)
     if far >= touched.total():
         return _far(case, failure, choice, far, total, hindered)
     tried = tuple(
@@ -319,7 +323,7 @@ def _touching(
     most = [name for name, _ in touched.most_common()]
     for name in most:
         if name in fixtures:
-            title = f"{name} stands in the way of {_doing(failure)}"
+            title = f"{name} is in the way of {_doing(failure)}"
             return Finding("scene.blocked", name, title, reasons, failure.item, failure.time)
     tracks = case.belief.tracks
     obstacles = [name for name in most if name in tracks and tracks[name].first.role == "obstacle"]
@@ -330,7 +334,7 @@ def _touching(
     if neighbours and failure.cause == "planning.start_in_collision":
         # The hand may just have let go of something there: where that lies is a guess.
         begun = failure.name_and_item
-        title = f"the hand stood, as believed, within {listed(neighbours, 3)} when {begun} was to begin"
+        title = f"the hand was, as believed, within {listed(neighbours, 3)} when {begun} was to begin"
         return Finding("item.crowded", "hand", title, reasons, neighbours[0], failure.time)
     if neighbours:
         title = f"{about} lies too close to {listed(neighbours, 3)}: there is no room for the hand"
@@ -360,7 +364,8 @@ def _far(
     total: int,
     hindered: Counter[str],
 ) -> Finding | None:
-    """`hindered`: how often the arm itself would touch what."""
+    """Return the finding about a grasp that the arm cannot reach. `hindered`: contacts of the arm, by
+    body."""
     lies = case.last_believed(failure)
     where = f" at {place(lies.pose.position)}" if lies else ""
     refused = f"{far} of {total} grasps were out of reach or in collision"
@@ -377,14 +382,14 @@ def _far(
     reasons = tuple(f"in {n} of {total} grasps the arm would touch {by}" for by, n in hindered.most_common(3))
     fixed = [name for name, _ in hindered.most_common() if name in case.fixtures]
     if fixed:
-        title = f"{fixed[0]} stands in the way of the arm at {failure.item}"
+        title = f"{fixed[0]} is in the way of the arm at {failure.item}"
         return Finding("scene.blocked", fixed[0], title, reasons, failure.item, failure.time)
     near = fixtures_around(case, lies) if lies else []
     if near:
-        title = f"{near[0]} stands in the way of the arm at {failure.item}"
+        title = f"{near[0]} is in the way of the arm at {failure.item}"
         reasons = (
             refused,
-            f"the arm could reach {failure.item}{where}, were it not for what stands around it",
+            f"the arm could reach {failure.item}{where} without the bodies around it",
         )
         return Finding("scene.blocked", near[0], title, reasons, failure.item, failure.time)
     title = f"the arm cannot get to {failure.item}{where} without touching something"
@@ -428,7 +433,7 @@ def _no_reach(failure: FailureStory) -> Finding:
 
 
 def _bent(failure: FailureStory) -> Finding:
-    """A joint at its limit, or a singularity, on the straight way to an item."""
+    """Return the finding about a joint limit, or a singularity, on the straight line to an item."""
     title = (
         f"the arm cannot move straight down to {failure.item}: {word(failure, 'joint')} is at its limit there"
     )
@@ -436,6 +441,6 @@ def _bent(failure: FailureStory) -> Finding:
 
 
 def _pairs(pairs: Sequence[str]) -> Counter[str]:
-    """`panda_hand 3.2 mm deep in shelf`: what is touched, and how often."""
-    found = (PAIR.match(pair) for pair in pairs)
+    """Return the number of contacts by body, from texts such as `panda_hand 3.2 mm deep in shelf`."""
+    found = (COLLISION_PAIR.match(pair) for pair in pairs)
     return Counter(match.group(2).split("/")[0] for match in found if match)

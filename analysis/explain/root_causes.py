@@ -1,8 +1,8 @@
-"""Root causes: what the failures, and the items that are not where they belong, ultimately came from.
+"""Root causes of failures, and of items that are not at their destination.
 
-The search begins at the end: with each item that is not where it belongs, and each failure that cost time. Of
-each it asks the same questions in one order (`QUESTIONS`): the first that the log answers is its finding.
-Findings alike are one root cause, ranked by what it cost: items first, then seconds.
+The search begins at the end: with each item that is not at its destination, and each failure that cost time.
+For each it runs the same detectors in one order (`FAILURE_DETECTORS`); the first result is its finding. Equal
+findings are one root cause, ranked by its cost: items first, then seconds.
 """
 
 from __future__ import annotations
@@ -20,29 +20,47 @@ from .case import Investigation
 from .device_causes import device_findings
 from .explanation import ExplainedOutcome, FailureStory, Finding, RootCause, seconds
 from .held_items import explain_drop, explain_overweight, held_periods, pressed_from_below
-from .item_causes import larger, misjudged, nothing_there, too_wide, wrong_location_cause
-from .obstruction_causes import obstruction_cause, touched
-from .run_endings import by_the_mission, goal_missed, out_of_order, run_ended, unacknowledged
-from .unsorted_items import after_wrong_bin, crushed, left_in_tote, placed_at, why_not_sorted
+from .item_causes import (
+    explain_misjudged_place,
+    explain_missing_item,
+    explain_too_wide,
+    explain_wrong_place,
+    explain_wrong_size,
+)
+from .obstruction_causes import explain_contact, explain_obstruction
+from .run_endings import (
+    explain_missed_goal,
+    explain_missing_grasp,
+    explain_mission_error,
+    explain_run_end,
+    explain_unacknowledged_stop,
+)
+from .unsorted_items import (
+    explain_crushed_item,
+    explain_left_in_tote,
+    explain_unsorted,
+    explain_wrong_bin,
+    placed_at,
+)
 
-DISPLACING = frozenset(
+DISPLACEMENT_CAUSES = frozenset(
     {"item.moved", "item.left_bin", "item.pushed_by_arm", "item.struck",
      "item.slipped", "item.slippery", "item.heavy", "grasp.weak", "gripper.weak", "grasp.not_felt"}
 )  # fmt: skip
 PLACE_CAUSES = frozenset({"item.out_of_reach", "item.beside_bin", "item.crowded", "item.hemmed_in"})
-"""Causes that an item has where it lies: what brought it there is the root of them."""
+"""Causes due to an item's place: their root is the event that brought the item there."""
 RUN_CAUSES = frozenset(
     {"run.interrupted", "run.killed", "run.crashed", "run.going_on", "run.paused", "tree.condition"}
 )
 """Causes that end a run by themselves."""
 MIN_SHARE = 0.2
-"""Share of a run that ended at its limit which causes of failures must have cost to be the reason."""
+"""Least share of a timed-out run that the failures must have cost to be the reason of the timeout."""
 
-Question: TypeAlias = Callable[[Investigation, FailureStory], Finding | None]
+FailureDetector: TypeAlias = Callable[[Investigation, FailureStory], Finding | None]
 
 
-def device(case: Investigation, failure: FailureStory) -> Finding | None:
-    """A sensor, a joint, the fingers, the planner: what is common to failures."""
+def explain_device_fault(case: Investigation, failure: FailureStory) -> Finding | None:
+    """Return the finding about a faulty device that covers the failure: sensor, joint, fingers or planner."""
     return next(
         (
             found.finding
@@ -53,40 +71,44 @@ def device(case: Investigation, failure: FailureStory) -> Finding | None:
     )
 
 
-def pressed(case: Investigation, failure: FailureStory) -> Finding | None:
-    """The body that bore the weight of an item that is said to have slipped."""
-    return touched(case, failure) if pressed_from_below(failure) else None
+def explain_push_from_below(case: Investigation, failure: FailureStory) -> Finding | None:
+    """Return the finding about the body that bore the weight of an item reported as slipped; else None."""
+    return explain_contact(case, failure) if pressed_from_below(failure) else None
 
 
-QUESTIONS: Final[tuple[Question, ...]] = (
-    device,                # is it common to several failures?
-    left_in_tote,
-    by_the_mission,        # what does the failure say by itself?
-    out_of_order,          # was it the item's turn?
-    larger,                # what was the item truly,
-    too_wide,
+FAILURE_DETECTORS: Final[tuple[FailureDetector, ...]] = (
+    # Device faults, which several failures may share, and failures whose own message names the cause.
+    explain_device_fault,
+    explain_left_in_tote,
+    explain_mission_error,
+    explain_missing_grasp,
+    # True properties of the item, and its true existence.
+    explain_wrong_size,
+    explain_too_wide,
     explain_overweight,
-    nothing_there,         # and what was it believed to be?
-    pressed,               # what was felt?
-    explain_drop,         # did it leave the hand?
-    wrong_location_cause,  # where was it truly, and where did truth and belief part?
-    after_wrong_bin,
-    obstruction_cause,     # what was in the way?
-    misjudged,
-    unacknowledged,
-    touched,
-)  # fmt: skip
-"""Questions about a failure, in this order."""
+    explain_missing_item,
+    # Forces, and the loss of the item from the hand.
+    explain_push_from_below,
+    explain_drop,
+    # True and believed place, obstructions, contacts.
+    explain_wrong_place,
+    explain_wrong_bin,
+    explain_obstruction,
+    explain_misjudged_place,
+    explain_unacknowledged_stop,
+    explain_contact,
+)
+"""Detectors of a failure's cause, in this order; the first finding counts."""
 
 
 @dataclass
 class _Group:
-    """All that came from one finding."""
+    """Failures and items with the same finding."""
 
     findings: list[Finding] = field(default_factory=list[Finding])
     failures: list[FailureStory] = field(default_factory=list[FailureStory])
     items: dict[str, None] = field(default_factory=dict[str, None])
-    """True items that are not where they belong because of it."""
+    """True items that are not at their destination because of it."""
 
 
 def root_causes_of(
@@ -94,7 +116,7 @@ def root_causes_of(
 ) -> tuple[RootCause, ...]:
     """Return the root causes, those that cost most first.
 
-    A failure for which the mission asks that something else is done instead is none.
+    A failure is no root cause when the mission lists an action for it under `instead`.
     """
     groups: dict[tuple[str, str], _Group] = {}
 
@@ -103,7 +125,7 @@ def root_causes_of(
         found.findings.append(finding)
         return found
 
-    by_failure = _of_failures(case)
+    by_failure = _findings_by_failure(case)
     for failure in case.failures:
         if failure.number not in case.once(_answered_instead):
             group(by_failure[failure.number]).failures.append(failure)
@@ -111,7 +133,7 @@ def root_causes_of(
         finding = _why_unsorted(case, true, by_failure)
         if finding is not None:
             group(finding).items[true] = None
-    ending = run_ended(case, outcome) or (goal_missed(case, outcome) if not groups else None)
+    ending = explain_run_end(case, outcome) or (explain_missed_goal(case, outcome) if not groups else None)
     if ending is not None:
         group(ending)
     costs = _costs(case, by_failure)
@@ -122,23 +144,25 @@ def root_causes_of(
     return (replace(roots[0], ended_run=True), *roots[1:]) if to_blame else tuple(roots)
 
 
-def _of_failures(case: Investigation) -> Mapping[int, Finding]:
+def _findings_by_failure(case: Investigation) -> Mapping[int, Finding]:
     """The finding for each failure; one that follows from another has that one's, or its own after one
     that was `_answered_instead`."""
     found: dict[int, Finding] = {}
     displaced: dict[str, Finding] = {}
-    """Finding that brought a true item to where it lies now."""
+    """Finding about the last displacement of each true item."""
     for failure in case.failures:
         if failure.because_of is not None and failure.because_of not in case.once(_answered_instead):
             finding = found[failure.because_of]
         else:
-            answers = (question(case, failure) for question in QUESTIONS)
-            finding = next((answer for answer in answers if answer is not None), _as_it_says(failure))
+            answers = (detect(case, failure) for detect in FAILURE_DETECTORS)
+            finding = next(
+                (answer for answer in answers if answer is not None), _failure_message_finding(failure)
+            )
         true = case.pairs.get(failure.item, "")
         before = displaced.get(true)
         if finding.cause == "item.moved" and before is not None and _kept_moving(case, true, before, finding):
             finding = before
-        elif finding.cause in DISPLACING:
+        elif finding.cause in DISPLACEMENT_CAUSES:
             displaced[true] = finding
         elif finding.cause in PLACE_CAUSES and before is not None:
             held = (p for p in case.once(held_periods) if p.true == true)
@@ -149,7 +173,7 @@ def _of_failures(case: Investigation) -> Mapping[int, Finding]:
 
 
 def _answered_instead(case: Investigation) -> frozenset[int]:
-    """Numbers of the failures for which something else was done instead, or failed by itself."""
+    """Return the numbers of the failures that a handler of `instead` took over, even in vain."""
     followed = {failure.because_of for failure in case.failures}
     return frozenset(
         failure.number
@@ -160,28 +184,28 @@ def _answered_instead(case: Investigation) -> frozenset[int]:
 
 
 def _kept_moving(case: Investigation, true: str, before: Finding, after: Finding) -> bool:
-    """Whether an item has never come to rest from what displaced it to its next motion."""
+    """Whether an item has not come to rest between its displacement and its next motion."""
     bodies = [body for _, body in case.truth.tracks[true].since(before.time or 0.0, after.time or 0.0)]
     steps = itertools.pairwise(bodies)
     return all(math.dist(a.pose.position, b.pose.position) > MIN_STEP for a, b in steps)
 
 
 MIN_STEP = 1e-3
-"""Way between two samples of the truth below which an item rests, m."""
+"""Displacement between two samples of the truth below which an item rests, m."""
 
 
-def _as_it_says(failure: FailureStory) -> Finding:
-    """Nothing else in the log tells more: the failure's own words."""
+def _failure_message_finding(failure: FailureStory) -> Finding:
+    """Return the failure's own message as finding, for a log without evidence of a cause."""
     about = failure.item or failure.node
-    said = failure.message or failure.sentence
-    of = f" of {failure.item}" if failure.item and failure.item not in said else ""
-    title = f"{failure.name}{of} failed: {said}"
+    message = failure.message or failure.sentence
+    of = f" of {failure.item}" if failure.item and failure.item not in message else ""
+    title = f"{failure.name}{of} failed: {message}"
     reasons = ("nothing else in the log tells where it came from",)
     return Finding(failure.cause, about, title, reasons, failure.item, failure.time, "the log does not tell")
 
 
 def _unsorted(case: Investigation, outcome: ExplainedOutcome) -> list[str]:
-    """True items that do not lie where they belong at the end of the log, and whose turn had come."""
+    """Return the true items that are not at their destination at the end, although their turn had come."""
     if outcome.status == "success":
         return []
     over = outcome.status in ("success", "incomplete")
@@ -190,23 +214,23 @@ def _unsorted(case: Investigation, outcome: ExplainedOutcome) -> list[str]:
 
 
 def _settled(case: Investigation, true: str) -> bool:
-    """Whether the truth in the log is younger than the placing of an item, of a run that was cut off."""
+    """Whether a truncated log has ground truth after the placement of an item."""
     done = placed_at(case, true)
     tried = any(f.item in case.believed.get(true, ()) and f.fate != "open" for f in case.failures)
     return tried if done is None else case.truth.tracks[true].times[-1] > done + SETTLING_TIME
 
 
 SETTLING_TIME = 0.4
-"""Time after which an item that was let go has come to rest, s."""
+"""Time within which a released item comes to rest, s."""
 
 
 def _why_unsorted(case: Investigation, true: str, by_failure: Mapping[int, Finding]) -> Finding | None:
-    """Return why an item is not where it belongs: from its last placement, else from its last failure."""
-    if (broken := crushed(case, true)) is not None:
+    """Return the finding about an item that is not at its destination, by its last placement or failure."""
+    if (broken := explain_crushed_item(case, true)) is not None:
         return _why_crushed(case, true, broken, by_failure)
     names = case.believed.get(true, ())
     done = placed_at(case, true)
-    if done is not None and (answer := why_not_sorted(case, true)) is not None:
+    if done is not None and (answer := explain_unsorted(case, true)) is not None:
         after = [f for f in case.failures if f.item in names and f.fate != "cured" and f.time > done]
         if not after or answer.cause in ("mission.wrong_bin", "perception.mistaken"):
             return answer
@@ -217,10 +241,10 @@ def _why_unsorted(case: Investigation, true: str, by_failure: Mapping[int, Findi
     ]
     sure = [finding for finding, _ in to_blame if finding.confidence != "the log does not tell"]
     unsure = [finding for finding, answered in to_blame if not answered]
-    answer = next(reversed(sure or unsure), None) or why_not_sorted(case, true)
+    answer = next(reversed(sure or unsure), None) or explain_unsorted(case, true)
     if answer is not None and answer.cause == "mission.not_tried":  # a stop may have taken its time
         stopped = [f for f in case.failures if f.cause == "tree.timeout" and f.fate != "cured"]
-        return by_failure[stopped[-1].number] if stopped else why_not_sorted(case, true)
+        return by_failure[stopped[-1].number] if stopped else explain_unsorted(case, true)
     return _unseen(case, answer) if answer is not None and answer.cause == "item.never_seen" else answer
 
 
@@ -234,13 +258,14 @@ CRUSH_CAUSES = (
     "item.larger",
     "perception.mistaken",
 )
-"""Causes, or beginnings of them, by which a finger presses an item harder than it should."""
+"""Causes, or their beginnings, of an excessive finger force on an item."""
 
 
 def _why_crushed(
     case: Investigation, true: str, broken: Finding, by_failure: Mapping[int, Finding]
 ) -> Finding:
-    """Return the origin of the failure in which an item was crushed; without one, that it was crushed."""
+    """Return the finding about the failure in which an item was crushed, or else about the crushing
+    itself."""
     time = broken.time or 0.0
     during = (f for f in case.failures if case.visit(f).start <= time <= f.time + 1e-6)
     origins = (by_failure[failure.number] for failure in during)
@@ -248,7 +273,7 @@ def _why_crushed(
 
 
 def _unseen(case: Investigation, answer: Finding) -> Finding:
-    """Whether a camera that did not do as it should has not shown an item."""
+    """Return the finding about a faulty camera that has not shown an item, or else the given finding."""
     cameras = (
         found.finding for found in case.once(device_findings) if found.finding.cause.startswith("camera.")
     )
@@ -256,7 +281,8 @@ def _unseen(case: Investigation, answer: Finding) -> Finding:
 
 
 def _costs(case: Investigation, by_failure: Mapping[int, Finding]) -> Mapping[tuple[str, str], float]:
-    """Simulated s that the episodes of each finding cost: each counts once, for what came first in it."""
+    """Return the cost of each finding's episodes, simulated s. An episode counts once, for its first
+    failure."""
     found: dict[tuple[str, str], float] = {}
     for failure in case.failures:
         finding = by_failure[failure.number]
@@ -281,7 +307,7 @@ def _root(
     missed = outcome.status == "incomplete" and (bool(group.items) or first.cause.startswith("goal."))
     alike = [f for f in group.findings if f.item and f.item != first.item and f.item not in first.title]
     others = list(dict.fromkeys(f.item for f in alike))
-    broken = (crushed(case, true) for true in group.items if first.cause != "item.crushed")
+    broken = (explain_crushed_item(case, true) for true in group.items if first.cause != "item.crushed")
     harm = [each.title for each in broken if each is not None]
     also = [f"so it was with {', '.join(others)}, too"] if others else []
     return RootCause(
@@ -293,14 +319,14 @@ def _root(
         item=first.item,
         time=first.time,
         seconds_lost=costs.get((first.cause, first.about), 0.0),
-        planted=tuple(_planted(case, group, planted)),
+        planted=tuple(_injected_faults(case, group, planted)),
         confidence=first.confidence,
         against=first.against,
         items=tuple(case.name_of(true) for true in group.items),
     )
 
 
-FAULTS: Final[Mapping[str, tuple[str, ...]]] = {
+CAUSES_BY_FAULT: Final[Mapping[str, tuple[str, ...]]] = {
     "obstacle": ("contact.obstacle", "scene.unknown_obstacle", "scene.blocked"),
     "slip": ("item.slipped", "item.slippery"),
     "appear": ("item.appeared",),
@@ -319,13 +345,14 @@ FAULTS: Final[Mapping[str, tuple[str, ...]]] = {
     "raise": ("internal.error",),
     "kill": ("run.killed",),
 }
-"""Root causes beside which a fault of a kind is quoted; one of an item also beside those of the item."""
+"""Root causes with which an injected fault of a kind is listed. A fault of an item is listed with the item's
+causes, too."""
 
 
-def _planted(
+def _injected_faults(
     case: Investigation, group: _Group, planted: Sequence[Stamped[event_types.FaultEvent]]
 ) -> list[str]:
-    """Faults of the fault file that concern the same item or device, not later than the failures."""
+    """Return the injected faults that concern the same item or device, not later than the failures."""
     items = {case.pairs.get(f.item, f.item) for f in group.findings if f.item} | set(group.items)
     items |= {case.pairs[f.item] for f in group.failures if f.item in case.pairs}
     last = max((f.time for f in group.failures), default=case.end)
@@ -333,14 +360,14 @@ def _planted(
     return [
         f"at {seconds(at.time)}: {at.record.message}"
         for at in planted
-        if (cause in FAULTS.get(at.record.fault, ()) or at.record.item in items)
+        if (cause in CAUSES_BY_FAULT.get(at.record.fault, ()) or at.record.item in items)
         and at.record.struck
         and at.time <= last + 1e-6
     ]
 
 
 def _order(root: RootCause, *, ended_late: bool) -> tuple[bool, bool, bool, int, float, float]:
-    """`ended_late`: a run that ended at its limit of time did so because of failures."""
+    """Return the sort key of a root cause. `ended_late`: failures made the run reach its time limit."""
     limit = root.cause == "run.limit"
     return (
         root.cause not in RUN_CAUSES and not (limit and not ended_late),

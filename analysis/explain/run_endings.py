@@ -1,4 +1,4 @@
-"""Causes that are the run's or the mission's own: limits of time, a kill, conditions, errors of code."""
+"""Causes in the run or the mission itself: time limits, a kill, conditions, errors of code."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from .explanation import ExplainedOutcome, FailureStory, Finding, counted, numbe
 from .held_items import held_periods
 
 
-def run_ended(case: Investigation, outcome: ExplainedOutcome) -> Finding | None:
-    """Return why the run ended when that was not the mission's doing."""
+def explain_run_end(case: Investigation, outcome: ExplainedOutcome) -> Finding | None:
+    """Return the finding about a run's end that the mission did not decide; else None."""
     match outcome.status:
         case "timeout":
             running = [v for v in case.family.visits if v.outcome == "RUNNING"]
-            hung = next((found for v in _leaves(case, running) if (found := hang(case, v))), None)
+            hung = next((found for v in _leaves(case, running) if (found := explain_hang(case, v))), None)
             title = f"the run was ended at its limit of simulated time, {seconds(outcome.end)}"
             return hung or Finding("run.limit", "", title, _under_way(case), "", outcome.end)
         case "interrupted":
@@ -30,9 +30,9 @@ def run_ended(case: Investigation, outcome: ExplainedOutcome) -> Finding | None:
             )
         case "paused":
             title = "help was wanted, and nobody was there to answer"
-            return Finding("run.paused", "", title, _asked(case), "", outcome.end)
+            return Finding("run.paused", "", title, _pending_question(case), "", outcome.end)
         case "running":
-            title = "the run is still going on: its log is being written"
+            title = "the run is still in progress: its log is being written"
             return Finding("run.going_on", "", title, _under_way(case), "", outcome.end)
         case "killed":
             title = "the process that ran it was killed: its log has no end"
@@ -57,8 +57,8 @@ def _goal(case: Investigation) -> str:
     return "" if goal is None else str(goal.value)
 
 
-def goal_missed(case: Investigation, outcome: ExplainedOutcome) -> Finding | None:
-    """A goal that does not hold although every item lies where it belongs."""
+def explain_missed_goal(case: Investigation, outcome: ExplainedOutcome) -> Finding | None:
+    """Return the finding that the goal is missed although every item is at its destination; else None."""
     if outcome.status != "incomplete":
         return None
     goal = _goal(case)
@@ -69,8 +69,8 @@ def goal_missed(case: Investigation, outcome: ExplainedOutcome) -> Finding | Non
     )
 
 
-def by_the_mission(case: Investigation, failure: FailureStory) -> Finding | None:
-    """Failures that are the mission's own making, or the program's."""
+def explain_mission_error(case: Investigation, failure: FailureStory) -> Finding | None:
+    """Return the finding about a failure that the mission, or the program, caused by itself; else None."""
     match failure.cause:
         case "tree.timeout":
             return _timeout(case, failure)
@@ -96,8 +96,8 @@ def _end_of_trace(failure: FailureStory) -> tuple[str, ...]:
     return tuple(line.strip() for line in trace[max(last, 0) :] if line.strip(" ^~"))
 
 
-def out_of_order(case: Investigation, failure: FailureStory) -> Finding | None:
-    """Whether a node was to place what nothing had grasped before."""
+def explain_missing_grasp(case: Investigation, failure: FailureStory) -> Finding | None:
+    """Return the finding that a node was to place an item that no node had grasped; else None."""
     if failure.cause != "grasp.slipped" or failure.evidence.get("held", "") is not None:
         return None
     true = case.pairs.get(failure.item)
@@ -127,20 +127,20 @@ def _under_way(case: Investigation) -> tuple[str, ...]:
     last = case.run.log.tick_at(case.run.last_tick)
     messages = {} if last is None else {node.path: node.message for node in last.record.nodes}
     spans = {v.number: [f"for {v.duration:.1f} s", messages.get(v.path, "")] for v in running}
-    told = [f"{v.name_and_item} ({', '.join(filter(None, spans[v.number]))})" for v in running]
-    return (*reasons, f"what ran then: {listed(told, 5)}") if told else tuple(reasons)
+    nodes = [f"{v.name_and_item} ({', '.join(filter(None, spans[v.number]))})" for v in running]
+    return (*reasons, f"what ran then: {listed(nodes, 5)}") if nodes else tuple(reasons)
 
 
-def _asked(case: Investigation) -> tuple[str, ...]:
-    """Return the question that a person has to answer before the run goes on, and the way to answer it."""
+def _pending_question(case: Investigation) -> tuple[str, ...]:
+    """Return the operator question that the run waits for, and the way to answer it."""
     result = case.run.result
     if result is None or result.asked is None:
         return ()
-    asked = result.asked
+    question = result.asked
     return (
-        f"{asked.node} asks: {asked.reason}",
-        f"it takes one of these answers: {', '.join(asked.choices)}",
-        f"go on with: {result.goes_on()}",
+        f"{question.node} asks: {question.reason}",
+        f"it takes one of these answers: {', '.join(question.choices)}",
+        f"continue with: {result.resume_command()}",
     )
 
 
@@ -149,7 +149,7 @@ def _recovered(case: Investigation) -> tuple[str, ...]:
 
 
 def _condition(case: Investigation) -> Finding | None:
-    """A mission that failed without any cause: a condition was false."""
+    """Return the finding that a false condition ended the mission; None for any other end."""
     root = next((v for v in case.family.visits if v.parent is None and v.outcome == "FAILURE"), None)
     if root is None or root.cause:
         return None
@@ -160,22 +160,22 @@ def _condition(case: Investigation) -> Finding | None:
             break
         visit = below[-1]
     ports = case.ports(visit.path)
-    asked = ports.get("if", "") or visit.message or visit.name
-    title = f"a condition did not hold, and the mission ends there: {asked}"
+    condition = ports.get("if", "") or visit.message or visit.name
+    title = f"a condition did not hold, and the mission ends there: {condition}"
     reasons = (f"{visit.path} was asked at {seconds(visit.end)}",)
     return Finding("tree.condition", visit.path, title, reasons, visit.item, visit.end)
 
 
 WAIT_SKILLS = frozenset({"AwaitItems", "ExchangeBin", "Delay", "AskOperator", "Jog", "Survey"})
-"""Skills that stand still for long without hanging."""
+"""Skills whose long waits are no hang."""
 HANG_TIME = 5.0
-"""Time without any sign of life after which a skill hangs, s."""
+"""Time without activity after which a skill hangs, s."""
 MIN_MOTION = 1e-3
-"""Motion of a joint within a tick that is a sign of life, rad or m."""
+"""Least motion of a joint within a tick that counts as activity, rad or m."""
 
 
-def hang(case: Investigation, visit: node_visits.Visit) -> Finding | None:
-    """Whether a skill had stopped doing anything long before it was stopped."""
+def explain_hang(case: Investigation, visit: node_visits.Visit) -> Finding | None:
+    """Return the finding that a skill showed no activity long before it was halted; else None."""
     if visit.id in WAIT_SKILLS or case.family.children(visit) or visit.duration < HANG_TIME:
         return None
     joints = case.run.joints
@@ -215,7 +215,7 @@ def _timeout(case: Investigation, failure: FailureStory) -> Finding:
         if v.outcome == node_visits.HALTED and v.last == visit.last and case.family.within(v, visit)
     ]
     leaves = _leaves(case, halted) or [visit]
-    hung = next((found for leaf in leaves if (found := hang(case, leaf)) is not None), None)
+    hung = next((found for leaf in leaves if (found := explain_hang(case, leaf)) is not None), None)
     if hung is not None:
         return hung
     allowed = number(failure, "seconds")
@@ -247,8 +247,8 @@ def _timeout(case: Investigation, failure: FailureStory) -> Finding:
     return Finding("tree.timeout", visit.path, title, tuple(reasons), failure.item, failure.time)
 
 
-def unacknowledged(case: Investigation, failure: FailureStory) -> Finding | None:
-    """A motion that was refused because of a stop that nobody acknowledged."""
+def explain_unacknowledged_stop(case: Investigation, failure: FailureStory) -> Finding | None:
+    """Return the finding that an unacknowledged safety stop blocked a motion; else None."""
     stops = case.events(event_types.SafetyStopEvent, end=failure.time)
     if failure.cause != "safety.stop" or not stops:
         return None

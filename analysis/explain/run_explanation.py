@@ -1,4 +1,4 @@
-"""Explanation of why a run ended as it did, from its log alone: its failures and items, each as a story."""
+"""Explanation of a run from its log alone: its failures and the stories of its items."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ if TYPE_CHECKING:
 
 
 def choices_before(run: RunRecord, source: node_visits.Visit) -> tuple[CandidateChoice, ...]:
-    """Those within the visit that failed and of its item, or of the heap in it, in the order of time."""
+    """Return the choices of candidates of the failed visit for its item or heap, in order of time."""
     names = (source.item, heap_geometry.heap_id(source.item))
     found = [
         _of_candidates(at)
@@ -88,7 +88,7 @@ def _of_candidates(at: Stamped[Candidates]) -> CandidateChoice:
 
 
 def _of_plans(refused: list[Stamped[Plan]], plans: int, item: str) -> CandidateChoice:
-    """Plans that failed with the same words, numbers aside, are told as one."""
+    """Return the failed plans as one choice. Messages that differ in numbers only count as one."""
     alike: dict[str, list[Stamped[Plan]]] = {}
     for at in refused:
         words = re.sub(r"[\d.]+", "#", f"{at.record.outcome} {at.record.message}")
@@ -109,7 +109,7 @@ def _of_plans(refused: list[Stamped[Plan]], plans: int, item: str) -> CandidateC
 
 _IN_MOTION = ("world.disturbed", "safety.", "control.")
 FAULT_TIME = 5.0
-"""Time before a failure whose events are told with it, s."""
+"""Time before a failure in which events are listed with it, s."""
 
 
 def failure_context(
@@ -125,7 +125,7 @@ def failure_context(
 
 
 def _belief(case: Investigation, failure: FailureStory) -> list[str]:
-    """Where the item was believed to be, and where it truly was."""
+    """Return the believed and the true place of the item as text."""
     if not failure.item:
         return []
     before = failure.time - 1e-3  # the belief of the moment before, which the failure may have changed
@@ -137,17 +137,17 @@ def _belief(case: Investigation, failure: FailureStory) -> list[str]:
     if believed is None:
         return [f"belief: {failure.item} is not known"]
     where = "in the hand" if believed.attached else f"at {place(believed.pose.position)}"
-    told = [f"belief: {failure.item} {where}, last seen at {seconds(believed.last_seen)}"]
+    sentences = [f"belief: {failure.item} {where}, last seen at {seconds(believed.last_seen)}"]
     if true is not None and _gone(case, failure, true):
-        told.append(f"truth: {failure.item} is nowhere any more")
+        sentences.append(f"truth: {failure.item} is nowhere any more")
     elif really is not None and horizontal_distance(really, believed) > MIN_ERROR:
         off = distance(horizontal_distance(really, believed))
-        told.append(f"truth: {failure.item} at {place(really.pose.position)}, {off} from the belief")
-    return told
+        sentences.append(f"truth: {failure.item} at {place(really.pose.position)}, {off} from the belief")
+    return sentences
 
 
 def _really(case: Investigation, failure: FailureStory, true: str) -> log_records.BodyRecord | None:
-    """The item as it truly was just after the failure, unless the hand moved it about."""
+    """Return the true item just after the failure; None when the hand moved it."""
     later = next((t for t in case.truth.times if t >= failure.time - 1e-6), case.end)
     then = case.belief.at(failure.item, later)
     carried = then is not None and then.attached
@@ -161,8 +161,8 @@ def _gone(case: Investigation, failure: FailureStory, true: str) -> bool:
 
 def _hand(case: Investigation, failure: FailureStory) -> list[str]:
     gripper = case.run.gripper
-    told = number(failure, "width") is not None or not failure.cause.startswith(_IN_MOTION)
-    if told or not len(gripper.times):
+    known = number(failure, "width") is not None or not failure.cause.startswith(_IN_MOTION)
+    if known or not len(gripper.times):
         return []
     at = max(int((gripper.times <= failure.time + 1e-6).sum()) - 1, 0)
     width = float(gripper.widths[at])
@@ -201,7 +201,7 @@ def _faults(
 
 
 def failures_of(run: RunRecord, account: RunAccount) -> tuple[FailureStory, ...]:
-    """Every failure with a cause, in the order of their times. A false condition is none."""
+    """Return every failure with a cause, in the order of their times, without false conditions."""
     causes = {cause.name: cause for cause in all_causes()}
     charged: set[int | None] = {None}
     found: list[FailureStory] = []
@@ -264,7 +264,7 @@ def _follows(
 def _within_the_answer(
     source: node_visits.Visit, earlier: node_visits.Visit, family: node_visits.VisitTree
 ) -> bool:
-    """Whether it failed while the earlier failure was being dealt with: in a handler, or in giving up."""
+    """Whether the node failed during the recovery from the earlier failure: in a handler or `give_up`."""
     lineage = {v.parent: v for v in (source, *family.above(source))}
     ours = earlier
     for above in family.above(earlier):
@@ -283,7 +283,7 @@ _RECOVERIES = frozenset({"Recover", "RecoveryNode"})
 def _consequence(
     source: node_visits.Visit, earlier: node_visits.Visit, family: node_visits.VisitTree
 ) -> bool:
-    """Whether the earlier failure lost the item, left it in the hand, or would only be met again."""
+    """Whether the later failure follows from the earlier one: item lost, item still held, or no change."""
     if source.evidence.get("unchanged") is True:
         return (earlier.item, earlier.cause) == (source.item, source.cause)
     held = source.evidence.get("held")
@@ -295,27 +295,29 @@ def _consequence(
         return source.end - earlier.end < BRAKING_TIME  # the arm had not come to rest when it was to go on
     if not source.item or source.item != earlier.item or source.cause == earlier.cause:
         return False
-    if source.cause not in _LOST or earlier.cause not in _LOSING:
+    if source.cause not in _MISSING_ITEM_CAUSES or earlier.cause not in _LOSS_CAUSES:
         return False
     shared = {v.number for v in family.above(earlier)} & {v.number for v in family.above(source)}
     return any(family.visits[n].item == source.item for n in shared)
 
 
 BRAKING_TIME = 1.0
-"""The arm is at rest so long after it was halted, s."""
-_LOSING = frozenset(
+"""Time after a halt within which the arm comes to rest, s."""
+_LOSS_CAUSES = frozenset(
     {"grasp.missed", "grasp.slipped", "world.disturbed", "place.missed", "world.unknown_object"}
 )
-_LOST = frozenset({"world.unknown_object", "grasp.slipped", "perception.not_found", "grasp.no_candidate"})
+_MISSING_ITEM_CAUSES = frozenset(
+    {"world.unknown_object", "grasp.slipped", "perception.not_found", "grasp.no_candidate"}
+)
 MIN_MOVE = 0.02
-"""An item that is seen this far from where it was believed has moved, m."""
+"""Distance from its believed place above which a seen item has moved, m."""
 REPORT_TIME = 1.0
-"""A failure this soon after the item left the hand tells of it, s."""
+"""Time after the loss of an item within which a failure reports it, s."""
 _NO_LONGER_HELD = "no longer in the hand"
 
 
 def items_of(case: Investigation) -> tuple[ItemStory, ...]:
-    """Return a story for each item, however many names it had; then those that never were seen."""
+    """Return a story for each item with all its names, then for the items that were never seen."""
     phantoms = case.identities.phantoms
     known: dict[str, list[str]] = {}
     for id_, track in case.belief.tracks.items():
@@ -328,7 +330,7 @@ def items_of(case: Investigation) -> tuple[ItemStory, ...]:
 
 
 def _item_story(case: Investigation, names: Sequence[str]) -> ItemStory:
-    """The story of one item by all its names, the first of which is the one it goes by."""
+    """Return the story of an item with all its names; the first is its id."""
     item, last = names[0], names[-1]
     body = case.belief.tracks[last].last
     failed = [f for f in case.failures if f.item in names]
@@ -360,7 +362,7 @@ def _item_story(case: Investigation, names: Sequence[str]) -> ItemStory:
 
 
 def _no_item(case: Investigation, item: str) -> str:
-    """The truth of a belief that is no item of its own; empty where the log holds no truth."""
+    """Return the truth about a believed item that is no true item; empty without ground truth in the log."""
     if item not in case.identities.phantoms:
         return ""
     near = case.identities.phantoms[item]
@@ -398,7 +400,7 @@ def _state(case: Investigation, item: str) -> ItemState:
 
 
 def _truth(case: Investigation, true: str) -> str:
-    """Return where it really is in the end, in the scorer's words."""
+    """Return the true place of an item at the end, in the scorer's words."""
     score: ItemScore | None = case.scores.get(true)
     if case.gone(true) is not None:
         return "truly nowhere any more"
@@ -432,7 +434,7 @@ def _events_by_item(case: Investigation) -> dict[str, list[Stamped[JournalEvent]
 
 
 def _happened(at: Stamped[JournalEvent], known_as: str) -> list[ItemEvent]:
-    """`known_as`: other name under which something happened to the item."""
+    """Return an event as events of an item. `known_as`: other name of the item in the event."""
     event = at.record
     match event:
         case event_types.HandledEvent():
@@ -440,13 +442,13 @@ def _happened(at: Stamped[JournalEvent], known_as: str) -> list[ItemEvent]:
         case event_types.PickEvent() if event.held:
             return [ItemEvent(at.time, f"held{known_as}{_felt(event)}", event.node)]
         case event_types.ItemDoneEvent():
-            told = f"placed into {event.into}" if event.into else "put down"
-            return [ItemEvent(at.time, f"{told}{known_as}", event.node)]
+            text = f"placed into {event.into}" if event.into else "put down"
+            return [ItemEvent(at.time, f"{text}{known_as}", event.node)]
         case event_types.SetAsideEvent():
             return [ItemEvent(at.time, "set aside: left where it lies", event.node)]
         case BeliefEvent():
-            told = _change(event)
-            return [ItemEvent(at.time, f"{told}{known_as}")] if told else []
+            text = _change(event)
+            return [ItemEvent(at.time, f"{text}{known_as}")] if text else []
         case _:
             return []
 
@@ -458,7 +460,8 @@ def _felt(pick: event_types.PickEvent) -> str:
 
 
 def _change(event: BeliefEvent) -> str:
-    """A change of the belief in words; empty for one that is not worth a line, or told by another event."""
+    """Return a change of the belief as text; empty for a minor change, or one that another event
+    describes."""
     before, after, reason = event.before, event.after, event.reason
     if after is None:
         return reason if reason in (world_facts.RODE_ON, world_facts.TAKEN_AWAY) else f"given up: {reason}"
@@ -488,10 +491,10 @@ def outcome_of(case: Investigation, visits: Sequence[node_visits.Visit]) -> Expl
         counts += f", {items.left} left"
     aside = {at.record.object for at in case.events(event_types.SetAsideEvent)}
     elsewhere = {at.record.object for at in case.events(event_types.ItemDoneEvent) if not at.record.into}
-    told = [f"{len(aside)} set aside"] * bool(aside) + [f"{len(elsewhere)} put down elsewhere"] * bool(
+    others = [f"{len(aside)} set aside"] * bool(aside) + [f"{len(elsewhere)} put down elsewhere"] * bool(
         elsewhere
     )
-    counts += f" (the robot: {', '.join(told)})" if told else ""
+    counts += f" (the robot: {', '.join(others)})" if others else ""
     sentence = {
         "success": f"the mission succeeded and its goal is reached: {counts}",
         "incomplete": f"the mission ended in SUCCESS, but its goal is missed: {counts}",
@@ -509,7 +512,7 @@ def _status(run: RunRecord) -> str:
         return "crashed"
     if _next_file(run):
         return "continued"
-    if run.log.going_on:
+    if run.log.in_progress:
         return "running"
     return "unknown" if run.log.lacks_result else "killed"
 
@@ -529,8 +532,8 @@ def _cut_off(run: RunRecord, visits: Sequence[node_visits.Visit], end: float) ->
         return f"the run was ended at {end:.2f} s by an error of the program ({ended}){_doing(visits)}"
     if following := _next_file(run):
         return f"this file of the log ends at {end:.2f} s, and {following} goes on{_doing(visits)}"
-    if run.log.going_on:
-        return f"the run is still going on: its log has come to {end:.2f} s{_doing(visits)}"
+    if run.log.in_progress:
+        return f"the run is still in progress: its log has come to {end:.2f} s{_doing(visits)}"
     if run.log.lacks_result:
         return f"the log ends at {end:.2f} s, and the result of the run was left out{_doing(visits)}"
     return f"the log ends at {end:.2f} s without a result: the process was killed{_doing(visits)}"
@@ -547,42 +550,42 @@ def _doing(visits: Sequence[node_visits.Visit]) -> str:
 
 MAX_MOMENTS = 8
 MIN_SPACING = 0.6
-"""Moments nearer than this are one, s."""
+"""Time between two moments below which they count as one, s."""
 HINTS = {
-    "run.going_on": "the last that the log holds",
+    "run.going_on": "the last records of the log",
     "item.gone": "the item vanishes from the truth, and the belief keeps it",
     "item.moved": "truth and belief of the item part",
     "item.pushed_by_arm": "the hand touches the item on its way",
     "item.left_bin": "the item leaves the bin",
     "item.slippery": "the wrist's load, the opening: the item slides out of the fingers",
     "item.heavy": "the wrist's force while the hand lifts",
-    "item.out_of_reach": "how far the item lies from the arm's base",
+    "item.out_of_reach": "the distance of the item from the arm's base",
     "item.crowded": "the neighbours around the item",
     "item.beside_bin": "the bin's wall beside the item",
     "arm.hides_items": "the camera's picture, and the arm in it",
-    "heap.out_of_reach": "what is left in the tote, and the grasps that were refused",
+    "heap.out_of_reach": "the things left in the tote, and the refused grasps",
     "heap.empty": "the empty tote",
     "bin.under_arm": "the arm over the bin",
-    "item.never_seen": "the camera's picture, and where the item truly lies",
+    "item.never_seen": "the camera's image, and the item's true place",
     "camera.off": "truth beside belief of any item: all are off the same way",
     "grasp.weak": "the fingers' force and the wrist's load while the hand lifts",
-    "scene.blocked": "what stands between hand and item",
-    "bin.full": "how much lies in the bin",
-    "bin.crowded": "what lies in the bin below the hand",
-    "planner.budget": "the way that had to be found",
-    "tree.timeout": "what was still running",
-    "run.limit": "what was still running",
-    "run.killed": "the last that the log holds",
-    "run.crashed": "the last that the log holds",
-    "mission.wrong_bin": "into which bin the item goes",
-    "place.beside": "where the item comes down",
+    "scene.blocked": "the bodies between hand and item",
+    "bin.full": "the fill level of the bin",
+    "bin.crowded": "the items in the bin below the hand",
+    "planner.budget": "the start and the goal of the refused plan",
+    "tree.timeout": "the nodes that were still running",
+    "run.limit": "the nodes that were still running",
+    "run.killed": "the last records of the log",
+    "run.crashed": "the last records of the log",
+    "mission.wrong_bin": "the bin into which the item goes",
+    "place.beside": "the place where the item comes down",
 }
 
 
 def key_moments(
     causes: Sequence[RootCause], failures: Sequence[FailureStory], outcome: ExplainedOutcome
 ) -> tuple[KeyMoment, ...]:
-    """Return when each root cause happened and first showed, then what ended the run."""
+    """Return the times at which each root cause happened and first showed, then the end of the run."""
     found: list[KeyMoment] = []
 
     def add(look: KeyMoment) -> None:
@@ -592,9 +595,9 @@ def key_moments(
     for cause in causes:
         first = failures[cause.failures[0]] if cause.failures else None
         watch = HINTS.get(cause.cause, "")
-        told = f"{cause.item}: {watch}" if watch and cause.item else watch
+        title = f"{cause.item}: {watch}" if watch and cause.item else watch
         if cause.time is not None and cause.time > 0.0:
-            add(KeyMoment(cause.time, told or cause.title, first.number if first else None))
+            add(KeyMoment(cause.time, title or cause.title, first.number if first else None))
         if first is not None:
             add(KeyMoment(first.time, f"{first.name_and_item} fails: {first.cause}", first.number))
     for failure in failures:
@@ -610,7 +613,7 @@ def key_moments(
 
 
 def explain(run: RunRecord, *, faults: bool = True, items: bool = True) -> Explanation:
-    """Return why a run ended as it did: root causes, failures, stories of items, key moments.
+    """Return the explanation of a run: root causes, failures, stories of items, key moments.
 
     `faults`: injected faults are quoted where they concern the same items. The root causes follow from the
     rest of the log, with and without them. `items`: the stories of items are included.
@@ -626,7 +629,7 @@ def explain(run: RunRecord, *, faults: bool = True, items: bool = True) -> Expla
     recovery = account.recovery
     return Explanation(
         outcome=outcome,
-        failures=tuple(_told(case, failure, causes, planted) for failure in failures),
+        failures=tuple(_with_run_facts(case, failure, causes, planted) for failure in failures),
         root_causes=causes,
         items=items_of(case) if items else (),
         look_at=key_moments(causes, failures, outcome),
@@ -634,13 +637,13 @@ def explain(run: RunRecord, *, faults: bool = True, items: bool = True) -> Expla
     )
 
 
-def _told(
+def _with_run_facts(
     case: Investigation,
     failure: FailureStory,
     causes: Sequence[RootCause],
     planted: Sequence[Stamped[event_types.FaultEvent]],
 ) -> FailureStory:
-    """The failure with what only the whole run tells."""
+    """Return the failure with the facts that need the whole run."""
     names = case.believed.get(case.pairs.get(failure.item, ""), ())
     done = [
         at.time

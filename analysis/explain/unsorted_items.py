@@ -1,4 +1,4 @@
-"""Items that are not where they belong though no failure says why, and things left in a tote."""
+"""Causes of unsorted items without a failure, and of things left in a tote."""
 
 from __future__ import annotations
 
@@ -14,21 +14,27 @@ from picktree.world import Pose, event_types, extents, grasp, heap_geometry
 from picktree.world.scene import Bin, destinations
 
 from .case import Investigation
-from .device_causes import hidden_by_arm
+from .device_causes import explain_hidden_by_arm
 from .explanation import FailureStory, Finding, between, counted, distance, place, seconds, times
 from .held_items import held_periods
-from .item_causes import NOWHERE, another_size, appeared, never_seen, way_since
+from .item_causes import (
+    ABSENCE_TEXT,
+    displacement_since,
+    explain_late_arrival,
+    explain_never_seen,
+    explain_unrecognised_size,
+)
 
 THING_RADIUS = 0.035
-"""Distance from a thing's middle up to which grasps and failed closings are its own, m."""
+"""Distance from a thing's centre within which grasps and failed closings belong to it, m."""
 MIN_GRIP_HEIGHT = 0.0125
-"""Height above the tote's floor below which the pads get no hold, m."""
+"""Height above the tote's floor below which the pads cannot grip, m."""
 COVER_DEPTH = 0.012
-"""Depth below the seen surface from which on a thing is hidden, m: columns have steps of 6 mm."""
+"""Depth below the visible surface from which a thing is hidden, m: columns have steps of 6 mm."""
 FINGER_ROOM = 0.021
-"""Distance from a wall below which no finger fits between, m."""
+"""Distance from a wall below which no finger fits in between, m."""
 SEARCH_TIME = 3.0
-"""Time before a failure within which its search among grasps is in the log, s."""
+"""Time before a failure within which the log has its search for a grasp, s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +54,7 @@ class Remainder:
         return f"{self.name} at {self.at}: {self.state}; {self.tried}"
 
 
-def left_in_tote(case: Investigation, failure: FailureStory) -> Finding | None:
+def explain_left_in_tote(case: Investigation, failure: FailureStory) -> Finding | None:
     """Return what was left in the tote when the last search for grasps in it failed, before it was exchanged.
 
     None when the failure is no such search.
@@ -58,14 +64,14 @@ def left_in_tote(case: Investigation, failure: FailureStory) -> Finding | None:
     return case.once(_left_in_totes).get(_delivery(case, failure))
 
 
-def why_left(case: Investigation, true: str) -> Finding | None:
-    """Return why a thing that nobody picked is left in a tote: from the last search for grasps there."""
+def explain_left_thing(case: Investigation, true: str) -> Finding | None:
+    """Return the finding about a thing left in a tote, from the last search for grasps there."""
     found = reversed(case.once(_left_in_totes).values())
     return next((one for one in found if any(f"({true})" in reason for reason in one.reasons)), None)
 
 
 def _delivery(case: Investigation, failure: FailureStory) -> tuple[str, int]:
-    """Return the tote of a search for grasps, and how often it had been exchanged by then."""
+    """Return the tote of a search for grasps, and its number of exchanges before the search."""
     tote = str(failure.evidence.get("object"))
     exchanges = (at.time for at in case.events(event_types.BinExchangedEvent) if at.record.bin == tote)
     return tote, sum(time <= failure.time for time in exchanges)
@@ -105,7 +111,7 @@ def remains(case: Investigation, tote: str, time: float) -> list[Remainder]:
     scene = case.run.at(time).belief
     believed = scene.bodies if scene else ()
     heap = next((body for body in believed if body.id == heap_geometry.heap_id(tote)), None)
-    refused, vain = _refused(case, tote, time), _vain(case, time)
+    refused, vain = _refused(case, tote, time), _failed_closings(case, time)
     bodies = ((true, case.truth.at(true, time)) for true in case.truth.tracks)
     return [
         Remainder(
@@ -139,7 +145,7 @@ def lying(tote: Bin, heap: log_records.BodyRecord | None, body: log_records.Body
 
 
 def _column(heap: log_records.BodyRecord, point: Sequence[float]) -> float:
-    """Return the height of the heap's columns at a point of the world, m; of none -inf."""
+    """Return the height of the heap's columns at a point of the world, m; -inf without a column."""
     x, y, _ = (heap.pose.inverse() @ Pose((point[0], point[1], point[2]))).position
     tops = (
         block.at[2] + block.size[2] / 2
@@ -160,7 +166,7 @@ def _refused(case: Investigation, tote: str, time: float) -> list[tuple[Sequence
     return [(one.position, f"would touch {one.by}" if one.by else one.verdict) for one in tried]
 
 
-def _vain(case: Investigation, time: float) -> list[Sequence[float]]:
+def _failed_closings(case: Investigation, time: float) -> list[Sequence[float]]:
     """Return the places of the closings before that time that held nothing."""
     found: list[Sequence[float]] = []
     for at in case.events(event_types.PickEvent, end=time):
@@ -189,21 +195,21 @@ def _tried(
 
 
 PLACING_TIME = 1.0
-"""Time around the placing of an item within which it pushes others, or bounces itself, s."""
+"""Time around a placement within which the item pushes others, or bounces, s."""
 PUSH_RANGE = 0.35
 """Greatest distance of an item pushed out of a bin one second later, m."""
 
 
-def why_not_sorted(case: Investigation, true: str) -> Finding | None:
-    """Return why the scorer calls an item left or misplaced; None when the log does not tell."""
+def explain_unsorted(case: Investigation, true: str) -> Finding | None:
+    """Return the finding about an item that the scorer calls left or misplaced; None without evidence."""
     if not case.believed.get(true):
         return (
             _gone_before_seen(case, true)
-            or why_left(case, true)
-            or appeared(case, true)
-            or another_size(case, true)
-            or hidden_by_arm(case, true)
-            or never_seen(case, true)
+            or explain_left_thing(case, true)
+            or explain_late_arrival(case, true)
+            or explain_unrecognised_size(case, true)
+            or explain_hidden_by_arm(case, true)
+            or explain_never_seen(case, true)
         )
     done = _placed(case, true)
     if done is None:
@@ -223,8 +229,8 @@ def why_not_sorted(case: Investigation, true: str) -> Finding | None:
     )
 
 
-def crushed(case: Investigation, true: str) -> Finding | None:
-    """Whether a finger pressed an item harder than it bears: it is lost wherever it lies."""
+def explain_crushed_item(case: Investigation, true: str) -> Finding | None:
+    """Return the finding that a finger crushed an item, which is lost at any place; else None."""
     found = [at.record for at in case.events(event_types.CrushedEvent) if at.record.object == true]
     if not found:
         return None
@@ -239,15 +245,15 @@ def crushed(case: Investigation, true: str) -> Finding | None:
     return Finding("item.crushed", true, title, reasons, item, first.time)
 
 
-def after_wrong_bin(case: Investigation, failure: FailureStory) -> Finding | None:
-    """Whether the item had been placed where it does not belong before it failed."""
+def explain_wrong_bin(case: Investigation, failure: FailureStory) -> Finding | None:
+    """Return the finding that the item was placed in a wrong bin before the failure; else None."""
     true = case.pairs.get(failure.item)
     done = None if true is None else _placed(case, true, failure.time)
     return None if true is None or done is None else _wrong_bin(case, true, done[1], done[2], done[3])
 
 
 def placed_at(case: Investigation, true: str) -> float | None:
-    """Return when it was last placed somewhere, as the robot believed; None when it never was."""
+    """Return the believed time of the item's last placement, s; None without one."""
     done = _placed(case, true)
     return None if done is None else done[0]
 
@@ -277,11 +283,11 @@ def _taken(case: Investigation, true: str, into: str) -> Finding | None:
         return None
     item = case.believed[true][-1]
     where = f" out of {into}, where it had been placed" if into else ""
-    title = f"{item} was taken away{where}, {between(*gone)}: {NOWHERE}"
+    title = f"{item} was taken away{where}, {between(*gone)}: {ABSENCE_TEXT}"
     last = case.truth.tracks[true].bodies[-1].pose.position
     reasons = (
         f"its true place is in the log until {seconds(gone[0])} ({place(last)}), and then no more",
-        "nothing failed: the robot went on believing that it was there"
+        "nothing failed: the robot still believed that it was there"
         if not any(f.item == item for f in case.failures)
         else "the robot believed otherwise",
     )
@@ -289,13 +295,13 @@ def _taken(case: Investigation, true: str, into: str) -> Finding | None:
 
 
 def _put_elsewhere(case: Investigation, true: str, item: str, node: str, time: float) -> Finding:
-    """The mission itself put it down where it does not belong."""
+    """Return the finding that the mission itself put the item down at a wrong place."""
     belongs = case.destination(case.truth.tracks[true].last)
     lies = place(case.truth.tracks[true].last.pose.position)
     title = f"the mission puts {item} down at {lies}, and it belongs into {belongs or 'no bin'}"
-    told = case.ports(node)
+    ports = case.ports(node)
     reasons = (
-        (f"{node} has at: {told['at']}",) if "at" in told else (f"{node} put it down at {seconds(time)}",)
+        (f"{node} has at: {ports['at']}",) if "at" in ports else (f"{node} put it down at {seconds(time)}",)
     )
     return Finding("mission.put_elsewhere", node, title, reasons, item, time)
 
@@ -312,8 +318,8 @@ def _set_aside(case: Investigation, true: str) -> Finding | None:
 
 def _wrong_bin(case: Investigation, true: str, item: str, into: str, node: str) -> Finding | None:
     real = case.truth.tracks[true].bodies[-1]
-    told = case.ports(node).get("into", "")
-    believed = _believed_for(case, item, into if "{" in told else "")
+    into_port = case.ports(node).get("into", "")
+    believed = _believed_for(case, item, into if "{" in into_port else "")
     belongs = case.destination(real)
     if not into or not belongs or destinations.is_at(into, belongs):
         return None
@@ -337,7 +343,7 @@ def _wrong_bin(case: Investigation, true: str, item: str, into: str, node: str) 
     name = node.rsplit("/", 1)[-1]
     title = f"the mission takes items into {into} that belong into {belongs}: {name} of {item} says so"
     reasons = (
-        f"{node} has into: {told}" if told else f"{node} placed it into {into}",
+        f"{node} has into: {into_port}" if into_port else f"{node} placed it into {into}",
         f"by the scene's rules a {real.colour} {real.kind} belongs into {belongs}",
     )
     return Finding("mission.wrong_bin", node, title, reasons, item, None)
@@ -381,7 +387,7 @@ def _mistaken_traits(
 
 
 def _not_seated(case: Investigation, true: str, item: str, into: str, time: float) -> Finding | None:
-    """It was let go at a hole, and by the scorer's measure is not in it."""
+    """Return the finding that an item released at a hole is not in it by the scorer's measure; else None."""
     score = case.scores[true]
     if not any(str(hole.id) == into for fixture in case.fixtures.values() for hole in fixture.holes):
         return None
@@ -394,7 +400,7 @@ def _not_seated(case: Investigation, true: str, item: str, into: str, time: floa
 
 
 def _left_bin(case: Investigation, true: str, item: str, into: str, time: float) -> Finding | None:
-    """It had been placed where it belongs, and does not lie there in the end."""
+    """Return the finding that an item left its destination after the placement; else None."""
     track = case.truth.tracks[true]
     later = [(t, b) for t, b in zip(track.times, track.bodies, strict=True) if t > time]
     inside = [t for t, b in later if case.bin_at(b) == into]
@@ -462,7 +468,7 @@ def _not_tried(case: Investigation, true: str) -> Finding | None:
         return None  # the run was over before its turn came
     if case.run.log.lacks_something:
         return None  # it may have been tried in what the log lacks
-    moving = way_since(case, true, case.belief.tracks[item].times[0], case.end)
+    moving = displacement_since(case, true, case.belief.tracks[item].times[0], case.end)
     title = f"the mission never tried {item}"
     reasons = [f"the belief had it from {seconds(case.belief.tracks[item].times[0])} on"]
     if moving is not None:

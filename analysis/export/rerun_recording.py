@@ -199,7 +199,7 @@ def _plans(sheet: RerunWriter, run: Run) -> None:
 
 
 def _camera(sheet: RerunWriter, run: Run, camera: str) -> None:
-    """Write colour and depth as they are in the log, on the plane of a pinhole camera."""
+    """Write the log's colour and depth images on the plane of a pinhole camera."""
     entity = camera_entity(camera)
     for message in run.log.messages([topics.calibration_topic(camera).name]):
         i = foxglove_messages.read_calibration(message.data)

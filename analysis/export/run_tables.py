@@ -18,7 +18,7 @@ from .table_files import Column, ColumnDoc, columns, row_of, row_type
 
 Time: TypeAlias = Annotated[float, ColumnDoc("simulated time", "s")]
 Tick: TypeAlias = Annotated[int, ColumnDoc("number of the tick, 0 for the first of the log")]
-Item: TypeAlias = Annotated[str, ColumnDoc("id of the object that it is about, empty when there is none")]
+Item: TypeAlias = Annotated[str, ColumnDoc("id of the object concerned; empty without an object")]
 NodePath: TypeAlias = Annotated[str, ColumnDoc("path of the node in the tree")]
 Cause: TypeAlias = Annotated[
     str, ColumnDoc("cause of the failure, such as grasp.missed; empty when it did not fail")
@@ -140,7 +140,7 @@ class ObjectRow:
     kind: Annotated[str, ColumnDoc("kind of the catalogue")]
     colour: Annotated[str, ColumnDoc("name of the colour")]
     place: Annotated[str, ColumnDoc("believed place: table, hand, a bin; empty for the truth")]
-    attached: Annotated[bool, ColumnDoc("whether it is believed to be in the hand")]
+    attached: Annotated[bool, ColumnDoc("true when believed to be in the hand")]
     confidence: Annotated[float, ColumnDoc("confidence of the belief, 0 to 1")]
     x: X
     y: Y
@@ -197,13 +197,13 @@ class RunRow:
 
 def run_rows(run: Run) -> Iterator[RunRow]:
     """Yield the settings of the run and its result."""
-    told = asdict(run.info)
+    settings = asdict(run.info)
     groups = {"parameter": "parameters", "physics": "physics", "version": "versions"}
-    for key, value in told.items():
+    for key, value in settings.items():
         if key not in groups.values():
             yield RunRow(key, str(value))
     for prefix, group in groups.items():
-        for key, value in told[group].items():
+        for key, value in settings[group].items():
             yield RunRow(f"{prefix}.{key}", str(value))
     yield RunRow("format", str(run.log.format))
     yield RunRow("end", repr(run.end))
@@ -350,11 +350,11 @@ def wrenches(run: Run) -> Iterator[WrenchRow]:
 
 def controls(run: Run) -> Iterator[ControlRow]:
     for at in run.log.controls():
-        told = at.record
+        control = at.record
         for k, joint in enumerate(run.joints.names[: run.controls.references.shape[1]]):
-            reference = told.reference[k] if told.reference else None
+            reference = control.reference[k] if control.reference else None
             yield ControlRow(
-                at.time, told.controller, joint, reference, told.error[k] if told.error else None
+                at.time, control.controller, joint, reference, control.error[k] if control.error else None
             )
 
 

@@ -75,8 +75,8 @@ def columns(row: type) -> tuple[Column, ...]:
 
     Raises TypeError for a field that is no column.
     """
-    said = hints(row, include_extras=True)
-    return tuple(_column(field.name, said[field.name]) for field in dataclasses.fields(row))
+    annotations = hints(row, include_extras=True)
+    return tuple(_column(field.name, annotations[field.name]) for field in dataclasses.fields(row))
 
 
 def row_type(record: type, names: str, **others: Any) -> type[Any]:
@@ -111,14 +111,14 @@ def row_of(row: type[R], record: object, **others: Cell) -> R:
     return row(**{name: others[name] if name in others else getattr(record, name) for name in names})
 
 
-def _column(name: str, said: Any) -> Column:
-    if get_origin(said) is not Annotated:
+def _column(name: str, annotation: Any) -> Column:
+    if get_origin(annotation) is not Annotated:
         raise TypeError(f"{name}: a column says what it holds")
-    kind, says = get_args(said)
+    kind, doc = get_args(annotation)
     options = get_args(kind) if get_origin(kind) in (types.UnionType, Union) else (kind,)
     only = next(option for option in options if option is not types.NoneType)
     column_kind = "text" if get_origin(only) is Literal else _COLUMN_KINDS[only]
-    return Column(name, column_kind, types.NoneType in options, says.unit, says.meaning)
+    return Column(name, column_kind, types.NoneType in options, doc.unit, doc.meaning)
 
 
 def write_tables(

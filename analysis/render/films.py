@@ -257,7 +257,7 @@ class FilmRequest:
     """Content and settings of a film. None means the default for the kind of file."""
 
     start: float | None = None
-    """Start, simulated s; None: where the log begins, which of a resumed run is later than 0."""
+    """Start, simulated s; None: the beginning of the log, which is later than 0 for a resumed run."""
     end: float | None = None
     """End, simulated s; None: time of the last message."""
     speed: float = 1.0

@@ -212,8 +212,8 @@ def _truths(log: RunLog, span: tuple[float, float]) -> Iterator[Stamped[log_reco
 class ItemCounter:
     """Number of items done at a time.
 
-    A resumed run goes on with the number of its checkpoint. A later file of a rotated log knows of its own
-    items only.
+    The count of a resumed run begins with the number of its checkpoint. A later file of a rotated log counts
+    its own items only.
     """
 
     def __init__(self, log: RunLog, end: float) -> None:

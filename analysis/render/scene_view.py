@@ -166,7 +166,7 @@ HEAP_SCALE = 0.1
 """Height above the floor of the last colour of a heap's columns, m."""
 COLUMN_STEP = 0.006
 """Rounding of the columns' heights, m: upwards."""
-UNSEEN = (0.45, 0.45, 0.48)
+UNSEEN_COLOUR = (0.45, 0.45, 0.48)
 """Colour of columns that were never seen."""
 _HEIGHT_COLOURS = cv2.applyColorMap(np.arange(256, dtype=np.uint8)[:, None], cv2.COLORMAP_VIRIDIS)[:, 0, ::-1]
 
@@ -225,7 +225,7 @@ def _is_same_step(a: float, b: float) -> bool:
 
 def _height_colour(height: float, unseen: float) -> tuple[float, float, float]:
     if _is_same_step(height, unseen):
-        return UNSEEN
+        return UNSEEN_COLOUR
     red, green, blue = _HEIGHT_COLOURS[round(255 * min(1.0, height / HEAP_SCALE))] / 255
     return (float(red), float(green), float(blue))
 

@@ -121,8 +121,8 @@ def _truth(motion: SceneMotion) -> Packable:
     `distance` is in mm by object, NaN for a believed object that no longer exists. `unknown` are true bodies
     without a believed one, at each change.
     """
-    told = sorted(deviations(motion), key=lambda one: one.tick)
-    believed = [one for one in told if one.object]
+    changes = sorted(deviations(motion), key=lambda one: one.tick)
+    believed = [one for one in changes if one.object]
     words = StringTable()
     return {
         "tick": np.array([one.tick for one in believed], dtype=np.uint32),
@@ -130,7 +130,9 @@ def _truth(motion: SceneMotion) -> Packable:
         "true": words.numbers([one.body.id for one in believed]),
         "distance": quantise(np.array([1000.0 * one.distance for one in believed]), 0.1),
         "gone": _removed_objects(motion),
-        "unknown": [{"tick": tick, "bodies": list(bodies)} for tick, bodies in unknown_bodies(told, motion)],
+        "unknown": [
+            {"tick": tick, "bodies": list(bodies)} for tick, bodies in unknown_bodies(changes, motion)
+        ],
         "words": list(words.texts),
     }
 
@@ -147,14 +149,14 @@ def _removed_objects(motion: SceneMotion) -> list[Packable]:
 
 
 def unknown_bodies(
-    told: Sequence[BeliefDeviation], motion: SceneMotion
+    changes: Sequence[BeliefDeviation], motion: SceneMotion
 ) -> Iterator[tuple[int, tuple[str, ...]]]:
     """Yield the ticks at which the set of unknown true bodies changes, with the new set."""
     ends = {truth.body.id: int(truth.ticks[-1]) for truth in motion.truths}
     last = max(ends.values(), default=0)
     unknown: dict[str, str] = {}
     before: tuple[str, ...] = ()
-    for tick, group in itertools.groupby(told, key=lambda one: one.tick):
+    for tick, group in itertools.groupby(changes, key=lambda one: one.tick):
         for one in group:
             unknown.pop(one.body.id, None)
             gone = tick == ends[one.body.id] < last

@@ -222,7 +222,7 @@ class SceneMotion:
     believed: list[BelievedBody]
     truths: list[TrueBodySamples]
     partners: list[int | None]
-    """Number of the believed body for each true one; None: there is none."""
+    """Index of the believed body of each true body; None: no match."""
 
     @cached_property
     def true(self) -> list[Array]:
@@ -274,15 +274,15 @@ def deviations(motion: SceneMotion) -> Iterator[BeliefDeviation]:
             continue
         apart = np.linalg.norm(one.track[:, :3] - motion.true[number][:, :3], axis=1).tolist()
         present = one.present.tolist()
-        told = math.nan
+        last = math.nan
         for tick in range(min(samples), max(samples) + 1):
             if (
                 tick in samples
-                or math.isnan(apart[tick]) != math.isnan(told)
-                or abs(apart[tick] - told) > _MIN_DISTANCE_CHANGE
+                or math.isnan(apart[tick]) != math.isnan(last)
+                or abs(apart[tick] - last) > _MIN_DISTANCE_CHANGE
             ):
-                told = apart[tick]
-                yield BeliefDeviation(tick, one.id if present[tick] else "", truth.body, told)
+                last = apart[tick]
+                yield BeliefDeviation(tick, one.id if present[tick] else "", truth.body, last)
 
 
 MAX_HELD_OFFSET = 0.03

@@ -103,16 +103,16 @@ def plan_line(plan: Plan) -> str:
     cost = f"{plan.checks} checks by {plan.planner}" if plan.planner else f"{plan.checks} checks"
     if plan.outcome == "found":
         return f"{plan.request}: {plan.duration:.2f} s of motion, {cost}"
-    said = f": {plan.message}" if plan.message else ""
-    return f"{plan.request}: {plan.outcome}{said} ({cost})"
+    message = f": {plan.message}" if plan.message else ""
+    return f"{plan.request}: {plan.outcome}{message} ({cost})"
 
 
 def _lines(run: Run) -> Iterator[ReportEvent]:
     """Yield the log lines without an event: failures, and messages of the mission."""
-    told = {(at.time, at.record.message) for at in run.events}
+    events = {(at.time, at.record.message) for at in run.events}
     for at in run.lines:
         line = at.record
-        if (at.time, line.message) not in told:
+        if (at.time, line.message) not in events:
             kind = "failure" if line.level in ("ERROR", "FATAL") else "log"
             yield ReportEvent(at.time, kind, line.message, line.name)
 

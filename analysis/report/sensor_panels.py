@@ -139,7 +139,7 @@ Of a longer one only the minimum and the maximum of each stretch remain, so that
 class PlotCurve:
     label: str
     values: Floats
-    """Values of the curve, (n,); NaN where there is none."""
+    """Values of the curve, (n,); NaN: no value."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -165,10 +165,10 @@ def pack_plots(run: Run) -> Section:
 def plots_of(run: Run) -> tuple[CurvePlot, ...]:
     """Return all plots in full; without data in the log, a plot has no curves."""
     arm, fingers = run.joint_names
-    joints, told = run.joints, run.controls
+    joints, controls = run.joints, run.controls
     return (
         *_joint_plots(joints, arm),
-        _tracking(joints, told),
+        _tracking(joints, controls),
         *_wrench_plots(run.wrenches),
         *_gripper_plots(joints, fingers),
     )
@@ -215,13 +215,13 @@ def _joint_plots(joints: series.JointSeries, names: Sequence[str]) -> tuple[Curv
     )
 
 
-def _tracking(joints: series.JointSeries, told: series.ControlSeries) -> CurvePlot:
+def _tracking(joints: series.JointSeries, controls: series.ControlSeries) -> CurvePlot:
     """Return the plot of the joints' deviations from the servo's set points."""
-    labels = _without_common_prefix(joints.names[: told.errors.shape[1]])
-    curves = tuple(PlotCurve(label, 1000.0 * told.errors[:, k]) for k, label in enumerate(labels))
+    labels = _without_common_prefix(joints.names[: controls.errors.shape[1]])
+    curves = tuple(PlotCurve(label, 1000.0 * controls.errors[:, k]) for k, label in enumerate(labels))
     return CurvePlot(
-        "tracking", "Tracking error", "mrad", 1e-3, told.times, curves,
-        "Where the servo was told to be, less where it was; none while the arm complied.",
+        "tracking", "Tracking error", "mrad", 1e-3, controls.times, curves,
+        "Set point of the servo minus its position; no values during compliant motions.",
     )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Python library: missions, cells, runs and batches as one uses them from a script or a notebook."""
+"""Python library: missions, cells, runs and batches for scripts and notebooks."""
 
 import lazy_loader
 

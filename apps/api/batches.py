@@ -39,7 +39,7 @@ class BatchResult:
     """Results of a batch, in its folder. `variants` are the labels of its combinations without the seed."""
 
     def __init__(self, folder: str | PathLike[str]) -> None:
-        """Open the batch of a folder. Raises PicktreeError when there is none."""
+        """Open the batch of a folder. Raises PicktreeError for a folder without a batch."""
         self.folder = Path(folder)
         with self._store() as store:
             self.variants = tuple(dict.fromkeys(job.variant.label for job in store.jobs()))
@@ -129,12 +129,11 @@ def batch(
 ) -> BatchResult:
     """Run a mission with every seed and each combination of settings, scenes and faults.
 
-    `settings` has the values to try by parameter of the mission, or by port of its nodes:
-    `{"Grasp.force": [10, 30]}` sets it in all nodes of that name. `limit` is in simulated s. `workers` is the
-    number of jobs at once, by default one a core. `keep` says whose logs stay: `all`, `failures` or `none`.
+    `settings` has the values to try by parameter of the mission, or by port of its nodes: `{"Grasp.force":
+    [10, 30]}` sets it in all nodes of that name. `limit` is in simulated s. `workers` is the number of jobs
+    at once, by default one a core. `keep` selects the jobs whose logs are kept: `all`, `failures` or `none`.
     `out` is the batch's folder. Raises PicktreeError (FileError with all faults) for bad input. Ctrl-C breaks
-    off the batch; its folder keeps what has ended.
-    """
+    off the batch; its folder keeps what has ended."""
     if isinstance(mission, Node):
         mission = Mission(mission, name=mission.description.id)
     name = mission.name if isinstance(mission, Mission) else Path(mission).stem
@@ -161,7 +160,7 @@ def batch(
             raise
     if not complete:
         raise PicktreeError(
-            f"{folder}: the batch was stopped; `picktree batch run --resume {folder}` goes on"
+            f"{folder}: the batch was stopped; `picktree batch run --resume {folder}` continues it"
         )
     return BatchResult(folder)
 

@@ -1,4 +1,4 @@
-"""Cell in Python: robot, world and simulation, with what a person looks at: belief, plans and pictures."""
+"""Cell in Python: robot, world and simulation, with views of belief, plans and pictures."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PICTURE_SIZE = (960, 600)
 
 
 class BelievedItem(Mapping[str, object]):
-    """Object as the robot believes it to be when it was looked up; later changes do not appear in it.
+    """Believed object at the time of its look-up; later changes do not appear in it.
 
     As a mapping it is a row of the belief's table: id, kind, colour, form, place, destination, x, y, z of the
     position in the world (m), yaw (rad), confidence (0 … 1), last_seen (simulated s).
@@ -29,7 +29,7 @@ class BelievedItem(Mapping[str, object]):
 
     def __init__(self, belief: BeliefObject, cell: CellSession) -> None:
         self.belief = belief
-        """All that is believed of it: shape, uncertainty, time of the last look."""
+        """Complete belief about it: shape, uncertainty, time of the last look."""
         self._gripper = cell.world.robot.description.gripper
         self.id = str(belief.id)
         self.kind, self.colour, self.place = belief.kind, belief.colour, belief.place
@@ -37,7 +37,7 @@ class BelievedItem(Mapping[str, object]):
         """Pose in the world; position in m."""
         destination = cell.world.scene.destination(belief.id)
         self.destination = str(destination) if destination is not None else None
-        """Bin where it belongs; None: nowhere."""
+        """Bin of its destination; None: no destination."""
 
     def grasp(self, *, above: float = 0.0) -> tuple[Pose, ...]:
         """Return the TCP poses in the world to grasp it from above, the best first, raised by `above` m.
@@ -98,7 +98,7 @@ class BeliefView(Sequence[BelievedItem], PandasTable):
     def find(self, id: str | None = None, **attributes: str) -> BelievedItem:
         """Return the first object with this id, or these attributes: colour, kind, place, destination, form.
 
-        Raises PicktreeError when there is none, TypeError for an unknown attribute.
+        Raises PicktreeError without such an object, TypeError for an unknown attribute.
         """
         found = self.all(id, **attributes)
         if found:
@@ -160,7 +160,7 @@ def _attribute(item: BelievedItem, name: str) -> str | None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanOutcome:
-    """Plan of a motion, or the reason why there is none. It is true when there is a plan."""
+    """Plan of a motion, or the reason of the refusal. It is true when there is a plan."""
 
     world: World
     start: Array
@@ -174,7 +174,7 @@ class PlanOutcome:
 
     @property
     def plan(self) -> MotionPlan | None:
-        """Plan that `Cell.move` runs; None when there is none."""
+        """Plan for `Cell.move`; None after a refusal."""
         return self.outcome if isinstance(self.outcome, MotionPlan) else None
 
     def show(self, *, view: str = "corner", size: tuple[int, int] = PICTURE_SIZE) -> SceneImage:
@@ -200,21 +200,21 @@ class PlanOutcome:
 
 
 class Cell(CellSession):
-    """A robot in a scene, to try single skills and motions. Simulated time passes only while one runs.
+    """Robot in a scene for single skills and motions. Simulated time passes only during these.
 
         with Cell("three_bins", backend="kinematic", seed=3) as cell:
             cell.run(Observe(camera="overhead"))
             cell.run(Grasp(object=cell.belief.find(colour="red").id))
 
-    `scene` is a shipped scene or a scene file; `robot` a robot or robot file instead of the scene's;
-    `faults` a faults file. `backend` is `physics`, or `kinematic`, which is fast: objects follow the gripper,
-    sensors have no noise. The same calls with the same seed give the same run. Raises PicktreeError for files
-    that cannot be used.
+    `scene` is a shipped scene or a scene file; `robot` a robot or robot file instead of the scene's; `faults`
+    a faults file. `backend` is `physics`, or `kinematic`, which is fast: objects follow the gripper, sensors
+    have no noise. The same calls with the same seed give the same run. Raises PicktreeError for files that
+    cannot be used.
     """
 
     @property
     def belief(self) -> BeliefView:
-        """Objects as the robot believes them to be at present."""
+        """Present belief about the objects."""
         return BeliefView(self)
 
     def plan(

@@ -30,7 +30,7 @@ class CheckReport:
 
     @property
     def warnings(self) -> tuple[Diagnostic, ...]:
-        """Faults that the linter warns of."""
+        """Warnings of the linter."""
         return tuple(fault for fault in self.faults if fault.severity == "warning")
 
     def __bool__(self) -> bool:
@@ -45,7 +45,7 @@ class CheckReport:
 
 
 class Mission:
-    """A mission: the tree that a run ticks, its scene and its goal.
+    """Mission: the tree that a run ticks, its scene and its goal.
 
     `Mission(tree, scene="sort_small")` makes one of nodes; `load` reads a file. A notebook shows its drawing.
     """
@@ -100,11 +100,11 @@ class Mission:
         return self._document.text
 
     def check(self) -> CheckReport:
-        """Return all errors of the mission and its scene, and what the linter warns of."""
+        """Return all errors of the mission and its scene, and the linter's warnings."""
         return CheckReport(self._faults(self._check()))
 
     def checked(self) -> loaded.Mission:
-        """Return the mission as it is run. Raises FileError with all its errors."""
+        """Return the checked mission for a run. Raises FileError with all its errors."""
         check = self._check()
         errors = [fault for fault in check.faults if fault.severity == "error"]
         if errors or check.mission is None:

@@ -78,7 +78,7 @@ def _serve(
 
 
 class MissionRun(RunResult):
-    """Result of one run, with the answers that its log gives.
+    """Result of one run, with analyses of its log.
 
     `status` is `success` when the goal is reached; `items`, `picks`, `failures` and `recoveries` are counts,
     `log` is the log's file. `record` has everything in the log: ticks, visits, plans, joint positions.
@@ -91,13 +91,13 @@ class MissionRun(RunResult):
 
     @cached_property
     def record(self) -> Run:
-        """The recorded run, read from the log on request."""
+        """Recorded run, read from the log on request."""
         return Run(self.log)
 
     def explain(self, *, everything: bool = False) -> ReadableText:
-        """Return why the run ended as it did: root causes, failures, cures, items.
+        """Return the explanation of the run's end: root causes, failures, cures, items.
 
-        `everything` tells each failure and each item by itself.
+        `everything` describes each failure and each item separately.
         """
         from picktree.analysis.explain import to_text
 

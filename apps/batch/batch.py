@@ -37,7 +37,7 @@ def result_of(order: JobOrder) -> JobRows | None:
 
 
 def run_folder(order: JobOrder, batch: Path) -> str:
-    """Return the folder of the run with its log, relative to the batch's folder; empty when there is none."""
+    """Return the folder of the run with its log, relative to the batch's folder; empty without a run."""
     return str(order.log.parent.relative_to(batch)) if order.log else ""
 
 
@@ -127,15 +127,15 @@ class Batch:
             raise PicktreeError(f"{folder}: the folder cannot be made: {error.strerror}") from None
         with _locked(folder) as lock:
             if (folder / RESULTS_FILE).exists():
-                raise PicktreeError(f"{folder}: there is a batch already; go on with it by --resume {folder}")
+                raise PicktreeError(f"{folder}: there is a batch already; continue it with --resume {folder}")
             return cls._made(folder, plan, lock)
 
     @classmethod
     def resume(cls, folder: Path) -> Batch:
         """Open the batch in that folder; missing and crashed jobs are still to do.
 
-        It runs its recorded recipes, even if the files have changed. Raises PicktreeError when there is none,
-        or another process runs it.
+        It runs its recorded recipes, even if the files have changed. Raises PicktreeError without a batch
+        there, or when another process runs it.
         """
         plan = read_plan(folder)
         with _locked(folder) as lock:
@@ -171,10 +171,10 @@ class Batch:
         self._stop = "now"
 
     def run(self, executor: Executor, onlooker: BatchWatcher) -> bool:
-        """Run all jobs that are to do, each seed with all variants. Return False when stopped before the end.
+        """Run all open jobs, each seed with all variants. Return False when stopped before the end.
 
-        A stopped batch then has the same seeds of each variant, but for the last.
-        Raises PicktreeError when results cannot be written, or the disk is full; --resume continues.
+        A stopped batch then has the same seeds of each variant, but for the last. Raises PicktreeError when
+        results cannot be written, or the disk is full; --resume continues.
         """
         self._take_in()
         to_do, tried = self.store.to_do(), self.store.lost_tries()
@@ -182,26 +182,26 @@ class Batch:
         waiting = deque((job, 1 + tried.get(job.id, 0)) for job in jobs if job.id in to_do)
         onlooker.started(len(self.jobs), self.store.recorded(), executor.slots)
         under_way: dict[str, JobOrder] = {}
-        told: Stop = "no"
+        reported: Stop = "no"
         while waiting or under_way:
-            if self._stop != told:
-                told = self._stop
+            if self._stop != reported:
+                reported = self._stop
                 onlooker.stopping(len(under_way))
-                if told == "now":
+                if reported == "now":
                     executor.stop()
             while self._stop == "no" and waiting and len(under_way) < executor.slots:
-                if not self._room():
+                if not self._has_disk_space():
                     self._full = True
                     self.finish()
                     break
                 job, attempt = waiting.popleft()
-                under_way[job.id] = order = self._begun(job, attempt)
+                under_way[job.id] = order = self._attempt_order(job, attempt)
                 executor.submit(order)
-            if not under_way and told != "no":
+            if not under_way and reported != "no":
                 break
             for event in executor.wait(_STOP_CHECK_PERIOD):
                 order = under_way.pop(event.order.job)
-                ended = self._dealt_with(event, onlooker)
+                ended = self._record_event(event, onlooker)
                 if ended is not None:
                     onlooker.ended(ended)
                 else:
@@ -211,12 +211,12 @@ class Batch:
         if self._full:
             raise PicktreeError(
                 f"{self.folder}: less than {_MIN_FREE_BYTES / 1e6:.0f} MB are left on its disk, "
-                f"so no further job is begun; make room, and go on with --resume {self.folder}"
+                f"so no further job is begun; free some space, and continue with --resume {self.folder}"
             )
         return not waiting
 
-    def _dealt_with(self, event: Event, onlooker: BatchWatcher) -> RecordedJob | None:
-        """Record the result of an event; return None when its job is still to do."""
+    def _record_event(self, event: Event, onlooker: BatchWatcher) -> RecordedJob | None:
+        """Record the result of an event; return None when its job is still to be run."""
         order = event.order
         job = self._by_id[order.job]
         rows = result_of(order)
@@ -232,9 +232,9 @@ class Batch:
                 reason = f"{order.result}: its result is missing or damaged"
             case JobFailed():
                 reason = event.reason
-        if not self._room():
+        if not self._has_disk_space():
             shutil.rmtree(order.folder, ignore_errors=True)
-            if not self._room():  # it was not this job that filled the disk
+            if not self._has_disk_space():  # it was not this job that filled the disk
                 return None
         crash = lost_attempt(order, reason, self._place, kept=self.plan.keep != "none")
         if order.attempt >= MAX_ATTEMPTS:
@@ -256,11 +256,11 @@ class Batch:
                 shutil.rmtree(try_folder(self._place, job.id, attempt), ignore_errors=True)
         return RecordedJob(job, row, tuple(dict.fromkeys(failure.cause for failure in rows.failures)))
 
-    def _begun(self, job: Job, attempt: int) -> JobOrder:
+    def _attempt_order(self, job: Job, attempt: int) -> JobOrder:
         """Return the order of an attempt; remains of earlier attempts are deleted."""
         order = self._order(job, attempt)
         if attempt == 1:
-            self.store.begin_anew(job.id)
+            self.store.reset_crashed(job.id)
         for later in range(attempt, MAX_ATTEMPTS + 1):
             shutil.rmtree(try_folder(self._place, job.id, later), ignore_errors=True)
         return order
@@ -282,7 +282,7 @@ class Batch:
                     self._record(job, order, rows)
                     break
 
-    def _room(self) -> bool:
+    def _has_disk_space(self) -> bool:
         """Whether the disk has room for another job."""
         return shutil.disk_usage(self.folder).free >= _MIN_FREE_BYTES
 

@@ -166,7 +166,7 @@ class ClusterNode:
 def connect(address: str | None, workers: int | None, folder: Path) -> None:
     """Connect to the cluster at `address`; None: start one with this number of CPUs, its files in `folder`.
 
-    Raises PicktreeError when there is none.
+    Raises PicktreeError without a cluster there.
     """
     if address is None:
         _start(workers or len(os.sched_getaffinity(0)), folder)
@@ -252,5 +252,7 @@ def reason(error: RayError, node: ClusterNode) -> str:
     if "its node has died" in str(error):
         return f"the node {node.address} is gone"
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    told = next((line for line in lines if line.startswith(("ModuleNotFoundError", "ImportError"))), "")
-    return told or f"its worker on the node {node.address} is gone"
+    import_error = next(
+        (line for line in lines if line.startswith(("ModuleNotFoundError", "ImportError"))), ""
+    )
+    return import_error or f"its worker on the node {node.address} is gone"

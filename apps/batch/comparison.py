@@ -358,13 +358,13 @@ def compare_recipes(a: RecipeOutcomes, b: RecipeOutcomes, *, unpaired: bool = Fa
 def _arithmetic_difference(a: RecipeOutcomes, b: RecipeOutcomes) -> str:
     """Return the difference in arithmetic between jobs of A and B, or within one of them; empty when none."""
     sides = ((a, b, "in B"), (a, a, "in other jobs of A"), (b, b, "in other jobs of B"))
-    said = (
+    phrase = (
         arithmetic_record.arithmetic_difference(one, other, where)
         for first, second, where in sides
         for one in first.arithmetics
         for other in second.arithmetics
     )
-    return next(filter(None, said), "")
+    return next(filter(None, phrase), "")
 
 
 def _criteria(
@@ -473,19 +473,20 @@ def divergence_line(found: Alignment, a: Run) -> str:
     parting = found.parting
     if parting is None:
         return "the runs do not part"
-    said = f"they part at tick {a.ticks.number_at(parting.time)}, {parting.time:.2f} s: {_what(parting)}"
+    place = f"tick {a.ticks.number_at(parting.time)}, {parting.time:.2f} s"
+    text = f"they part at {place}: {_divergence_words(parting)}"
     end = _first_other_end(found) if parting.how not in ("outcome", "cause") else None
     if end is not None:
         time, one, other = end
-        said += (
+        text += (
             f"; first other end at tick {a.ticks.number_at(time)}, {time:.2f} s: "
             f"{one.name}{one.about}: A {run_diff.end_text(one, short=True)}, "
             f"B {run_diff.end_text(other, short=True)}"
         )
-    return said
+    return text
 
 
-def _what(parting: Divergence) -> str:
+def _divergence_words(parting: Divergence) -> str:
     a, b = parting.a, parting.b
     match parting.how:
         case "inputs" if a is not None and b is not None:
@@ -532,7 +533,7 @@ _TITLES = {
     "failures": "failures",
     "seconds_a_pick": "seconds a pick",
 }
-_MOST_CAUSES = 8
+_MAX_NAMED_CAUSES = 8
 
 
 def text_of(found: RecipeComparison, program: str = "picktree") -> str:
@@ -571,16 +572,16 @@ def _lines(found: RecipeComparison, program: str) -> Iterator[str]:
     if found.causes:
         yield ""
         yield _row("failures by cause", "A", "B", "B − A, 95 % interval", "p", "Holm")
-        for change in found.causes[:_MOST_CAUSES]:
+        for change in found.causes[:_MAX_NAMED_CAUSES]:
             yield _difference_row(change.cause, change.difference, change.adjusted)
-        if len(found.causes) > _MOST_CAUSES:
-            yield f"and {len(found.causes) - _MOST_CAUSES} causes more"
+        if len(found.causes) > _MAX_NAMED_CAUSES:
+            yield f"and {len(found.causes) - _MAX_NAMED_CAUSES} causes more"
     if found.changed:
         yield ""
         yield f"{len(found.changed)} seeds changed sides"
         for changed in found.changed:
-            said = f"  seed {changed.seed}: {changed.winner} alone reached its goal"
-            yield f"{said}; {changed.parting}" if changed.parting else said
+            line = f"  seed {changed.seed}: {changed.winner} alone reached its goal"
+            yield f"{line}; {changed.parting}" if changed.parting else line
             if changed.logs is not None:
                 yield f"    {program} diff {shlex.join(changed.logs)}"
         lacking = [changed for changed in found.changed if changed.missing]

@@ -28,7 +28,7 @@ class RecordedCost:
 
 @dataclass(frozen=True, slots=True)
 class VariantForecast:
-    """One cell of the matrix."""
+    """Cell of the matrix: one variant with its cost."""
 
     label: str
     mission: str
@@ -92,8 +92,8 @@ class BatchForecast:
 def forecast(plan: BatchPlan, recorded: Iterable[Path], workers: int | None = None) -> BatchForecast:
     """Return the matrix of a checked plan with its cost, by the jobs of recorded batches in those folders.
 
-    A job costs the mean of recorded ones with its mission's file name, scene and backend; where the scene was
-    never tried, of those with its mission and backend.
+    A job costs the mean of recorded ones with its mission's file name, scene and backend. Without recorded
+    jobs in the scene, those with its mission and backend count.
     """
     costs = _costs(recorded, plan.backend)
     slots = workers or len(os.sched_getaffinity(0))

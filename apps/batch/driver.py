@@ -24,11 +24,11 @@ from .cluster import ClusterNode, RayError, ResultFile, WorkerHandle, connect, n
 from .executor import Event, JobFailed, JobOrder, JobStopped
 from .ray_executor import (
     STOP,
+    BatchMessage,
     ClusterRefusal,
     ClusterSettings,
+    DriverMessage,
     Installation,
-    News,
-    Said,
     Task,
     WorkerCount,
     difference,
@@ -92,7 +92,7 @@ class _Post:
 class WorkerPool:
     """Pool of workers that reports the results of its tasks through `tell`, within its event loop."""
 
-    def __init__(self, here: Installation, limit: int | None, tell: Callable[[News], None]) -> None:
+    def __init__(self, here: Installation, limit: int | None, tell: Callable[[DriverMessage], None]) -> None:
         """`limit`: maximum number of workers."""
         self._here, self._limit, self._tell = here, limit, tell
         self._tasks: asyncio.Queue[Task] = asyncio.Queue()
@@ -102,7 +102,7 @@ class WorkerPool:
         self._recipes: dict[Path, ray.ObjectRef[bytes]] = {}
         self._slots: set[asyncio.Task[None]] = set()
         self._changed = asyncio.Event()
-        self._told: int | None = None
+        self._reported_count: int | None = None
 
     async def gather(self) -> None:
         """Wait until every node has a worker or its time is over.
@@ -126,7 +126,7 @@ class WorkerPool:
                 f"no worker could be started on the Ray cluster within {_FIRST_WORKER_TIME_LIMIT:.0f} s: its "
                 "CPUs are taken"
             )
-        self._told = 0
+        self._reported_count = 0
         self._count()
 
     async def watch(self) -> None:
@@ -135,10 +135,10 @@ class WorkerPool:
         while alone < _NODE_RETURN_TIME_LIMIT:
             await asyncio.sleep(_NODE_CHECK_PERIOD)
             self._hire(await asyncio.to_thread(nodes))
-            alone = 0.0 if self._told else alone + _NODE_CHECK_PERIOD
+            alone = 0.0 if self._reported_count else alone + _NODE_CHECK_PERIOD
         raise PicktreeError(
-            f"the Ray cluster has had no node for {_NODE_RETURN_TIME_LIMIT:.0f} s; --resume goes on when "
-            "it has one again"
+            f"the Ray cluster has had no node for {_NODE_RETURN_TIME_LIMIT:.0f} s; --resume continues "
+            "when it has one again"
         )
 
     def give(self, task: Task) -> None:
@@ -179,8 +179,8 @@ class WorkerPool:
         """Report the number of workers when it has changed after the start."""
         serving = [post for post in self._posts.values() if not post.refused]
         count = sum(not slot.done() for post in serving for slot in post.slots)
-        if self._told not in (None, count):
-            self._told = count
+        if self._reported_count not in (None, count):
+            self._reported_count = count
             self._tell(WorkerCount(count))
 
     async def _serve(self, post: _Post) -> None:
@@ -330,7 +330,7 @@ def _join_time_limit(batch: Connection, address: str | None) -> Generator[None]:
 
 
 async def _serve(batch: Connection, settings: ClusterSettings) -> None:
-    def tell(news: News) -> None:
+    def tell(news: DriverMessage) -> None:
         with suppress(OSError):  # the batch is gone, as its end of the connection tells
             batch.send(news)
 
@@ -338,13 +338,13 @@ async def _serve(batch: Connection, settings: ClusterSettings) -> None:
     gone = asyncio.Event()
     loop = asyncio.get_running_loop()
 
-    def hear(said: Said | None) -> None:
-        if said is None:
+    def hear(message: BatchMessage | None) -> None:
+        if message is None:
             gone.set()
-        elif said == STOP:
+        elif message == STOP:
             crew.stop()
         else:
-            crew.give(said)
+            crew.give(message)
 
     threading.Thread(target=_listen, args=(batch, loop, hear), daemon=True).start()
     service = asyncio.create_task(_work(crew))
@@ -362,16 +362,18 @@ async def _work(crew: WorkerPool) -> None:
     await crew.watch()
 
 
-def _listen(batch: Connection, loop: asyncio.AbstractEventLoop, hear: Callable[[Said | None], None]) -> None:
+def _listen(
+    batch: Connection, loop: asyncio.AbstractEventLoop, hear: Callable[[BatchMessage | None], None]
+) -> None:
     """Wait for messages of the batch, in a separate thread."""
     while True:
         try:
-            said: Said | None = batch.recv()
+            message: BatchMessage | None = batch.recv()
         except (EOFError, OSError):
-            said = None
+            message = None
         with suppress(RuntimeError):  # the loop is over
-            loop.call_soon_threadsafe(hear, said)
-        if said is None:
+            loop.call_soon_threadsafe(hear, message)
+        if message is None:
             threading.Timer(_LEAVE_TIME_LIMIT, os._exit, (1,)).start()
             return
 

@@ -10,7 +10,7 @@ from typing import Protocol, TypeAlias
 
 @dataclass(frozen=True, slots=True)
 class JobOrder:
-    """One attempt at a job, as it is sent to a worker."""
+    """Order for one attempt at a job, sent to a worker."""
 
     job: str
     """Id of the job."""
@@ -38,7 +38,7 @@ class JobOrder:
 
     @property
     def log(self) -> Path | None:
-        """Log of the run; None when there is none."""
+        """Log of the run; None without a log."""
         from picktree.logs import log_files  # slow to import, and an order has to be light
 
         return next(iter(sorted(self.folder.glob(f"*/{log_files.LOG_NAME}"))), None)
@@ -46,14 +46,14 @@ class JobOrder:
 
 @dataclass(frozen=True, slots=True)
 class JobFinished:
-    """The worker wrote the attempt's result."""
+    """Event: the worker wrote the attempt's result."""
 
     order: JobOrder
 
 
 @dataclass(frozen=True, slots=True)
 class JobFailed:
-    """The attempt has no result, with the reason: an exception, a lost worker, a limit."""
+    """Event: the attempt has no result, with the reason: an exception, a lost worker, a limit."""
 
     order: JobOrder
     reason: str
@@ -61,7 +61,7 @@ class JobFailed:
 
 @dataclass(frozen=True, slots=True)
 class JobStopped:
-    """The attempt was broken off by a stop of the batch."""
+    """Event: a stop of the batch broke off the attempt."""
 
     order: JobOrder
 
@@ -70,7 +70,7 @@ Event: TypeAlias = JobFinished | JobFailed | JobStopped
 
 
 class Executor(Protocol):
-    """Runs orders, each in a separate process."""
+    """Executor of orders, each in a separate process."""
 
     @property
     def slots(self) -> int:

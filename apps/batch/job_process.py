@@ -1,7 +1,7 @@
 """Process of one attempt at a job, isolated from the next job, with its output and the place of its end.
 
 The process is forked from a worker that has loaded everything, which costs milliseconds where a fresh one
-would cost seconds. Whatever a job changes in its process ends with it: working directory, environment,
+would cost seconds. Changes that a job makes in its process end with it: working directory, environment,
 locale, random numbers, globals, memory, threads. It has a separate session, so that no Ctrl-C reaches it. It
 prints into a file, and its temporary files are in a folder that is deleted with it. Processes that it leaves
 behind are ended."""
@@ -102,8 +102,8 @@ def last_place(folder: Path) -> str:
             text = file.read().decode(errors="replace")
     except OSError:
         return ""
-    _, fault, said = text.rpartition("Fatal Python error: ")
-    frames = list(_FRAME.finditer(said)) if fault else []
+    _, fault, report = text.rpartition("Fatal Python error: ")
+    frames = list(_FRAME.finditer(report)) if fault else []
     if not frames:
         return ""
     return _named([(frame["file"], frame["line"], frame["name"]) for frame in frames])
@@ -129,7 +129,7 @@ _MAX_END_ROUNDS = 100
 
 
 def die_with_parent(number: signal.Signals) -> None:
-    """Make this process receive the signal when its parent ends, in whatever way."""
+    """Make this process receive the signal at any end of its parent."""
     _prctl(_PR_SET_PDEATHSIG, number)
 
 
@@ -204,9 +204,9 @@ def run_attempt(order: JobOrder) -> Event:
         return JobFailed(order, _one_line(str(error)))
     except BaseException as error:  # noqa: BLE001 - one job's fault must not cost another
         traceback.print_exc(file=sys.stderr)
-        said = _one_line(str(error))
+        message = _one_line(str(error))
         place = place_of(error)
-        return JobFailed(order, f"{type(error).__name__}{f': {said}' if said else ''}, at {place}")
+        return JobFailed(order, f"{type(error).__name__}{f': {message}' if message else ''}, at {place}")
     return JobFinished(order)
 
 
@@ -225,7 +225,7 @@ def _mission_result(order: JobOrder) -> bytes | None:
 
 
 def _program_result(order: JobOrder) -> bytes:
-    """Return what the program's function `attempt` makes of the order."""
+    """Return the result of the program's function `attempt` for the order."""
     program = file_system.ROOT / order.program
     sys.path.insert(0, str(program.parent))
     return import_module(program.stem).attempt(order)
@@ -282,14 +282,14 @@ class JobProcess:
                 self._kill(signal.SIGKILL)
         how = self._how()
         self._clear()  # before listening: what is left holds the other end, too
-        said = self._said()
-        if said is not None:
-            return said
+        message = self._received_message()
+        if message is not None:
+            return message
         place = last_place(self._order.folder)
         return JobFailed(self._order, f"{reason or how}, at {place}" if place else reason or how)
 
     def end(self) -> None:
-        """Kill the process with everything that it left."""
+        """Kill the process and delete its remains."""
         self._kill(signal.SIGKILL)
         self._clear()
         folder = self._order.folder
@@ -300,7 +300,7 @@ class JobProcess:
         os.close(self._descriptor)
         self._heard.close()
 
-    def _said(self) -> Event | None:
+    def _received_message(self) -> Event | None:
         with suppress(EOFError, OSError, UnpicklingError):
             if self._heard.poll():
                 return self._heard.recv()

@@ -37,8 +37,8 @@ _MODULES = (
 )
 
 
-class _Told(BaseException):
-    """Raised in a worker when the batch stops it, or is gone."""
+class _StopRequest(BaseException):
+    """Exception in a worker when the batch stops it, or is gone."""
 
 
 def serve(orders: Connection) -> None:
@@ -51,14 +51,14 @@ def serve(orders: Connection) -> None:
     adopt_orphans()
     with silence():  # libraries greet when they are loaded
         load()
-    with suppress(EOFError, OSError, _Told):
+    with suppress(EOFError, OSError, _StopRequest):
         orders.send(READY)
         while True:
-            orders.send(_seen_to(orders.recv()))
+            orders.send(_served(orders.recv()))
     os._exit(0)  # without the farewells of libraries, which would stand in the batch's output
 
 
-def _seen_to(order: JobOrder) -> Event:
+def _served(order: JobOrder) -> Event:
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
     before = signal.signal(signal.SIGTERM, _raise_stop)
     try:
@@ -75,11 +75,11 @@ def _seen_to(order: JobOrder) -> Event:
 
 
 def _raise_stop(number: int, frame: FrameType | None) -> NoReturn:
-    raise _Told
+    raise _StopRequest
 
 
 def load() -> None:
-    """Load everything that jobs need and share."""
+    """Load all modules and data that jobs share."""
     for module in _MODULES:
         import_module(module)
     from picktree.logs import FIXED, binary_gltf, log_records
@@ -171,7 +171,7 @@ class LocalExecutor:
             sources = [source for w in self._workers for source in (w.orders, w.process.sentinel)]
             if sources:
                 wait(sources, max(0.0, until - time.monotonic()))
-            events = [event for worker in list(self._workers) for event in self._heard(worker)]
+            events = [event for worker in list(self._workers) for event in self._events_of(worker)]
             self._kill_overdue()
             if events or not sources or time.monotonic() >= until:
                 return events
@@ -194,16 +194,16 @@ class LocalExecutor:
                 worker.process.join()
         self._workers.clear()
 
-    def _heard(self, worker: _Worker) -> list[Event]:
+    def _events_of(self, worker: _Worker) -> list[Event]:
         """Return the events of a worker's message, or of its loss."""
         with suppress(EOFError, OSError):
             if worker.orders.poll():
-                said: Event | str = worker.orders.recv()
-                if isinstance(said, str):
-                    assert said == READY
+                message: Event | str = worker.orders.recv()
+                if isinstance(message, str):
+                    assert message == READY
                     return []
                 worker.order = None
-                return [said]
+                return [message]
         return [] if worker.process.exitcode is None else self._gone(worker, worker.process.exitcode)
 
     def _kill_overdue(self) -> None:

@@ -63,7 +63,7 @@ def installed() -> Installation:
 
 
 def difference(here: Installation, there: Installation) -> str:
-    """Return the difference that keeps jobs from running there; empty when there is none."""
+    """Return the difference that keeps jobs from running there; empty without a difference."""
     names = sorted({*here.versions, *there.versions})
     others = [
         f"{name} {there.versions.get(name, 'missing')}, here {here.versions.get(name, 'missing')}"
@@ -123,9 +123,9 @@ STOP: Final = "stop"
 """Message to break off all running orders."""
 TOKEN: Final = ".from-the-batch"
 """File in an order's folder: a worker that can remove it shares the folder with the batch."""
-Said: TypeAlias = Task | Literal["stop"]
+BatchMessage: TypeAlias = Task | Literal["stop"]
 """Message of the batch after its settings; the end of the connection shows that the batch is gone."""
-News: TypeAlias = WorkerCount | ClusterRefusal | Event
+DriverMessage: TypeAlias = WorkerCount | ClusterRefusal | Event
 """Message to the batch."""
 _START_TIME_LIMIT = 180.0
 """Time limit for the start of a cluster, beyond the driver's own waits, wall s."""
@@ -165,12 +165,12 @@ class RayExecutor:
         self._orders: dict[Path, JobOrder] = {}
         self._lost: list[Event] = []
         self._slots = 0
-        self._batch, self._driver = self._begun(own=address is None)
+        self._batch, self._driver = self._start_driver(own=address is None)
         try:
-            self._say(ClusterSettings(address, slots, self._folder, self._output, installed()))
+            self._send(ClusterSettings(address, slots, self._folder, self._output, installed()))
             until = time.monotonic() + _START_TIME_LIMIT
             while not self._slots and time.monotonic() < until:
-                self._hear(self._heard(1.0))
+                self._event_of(self._received(1.0))
             if not self._slots:
                 raise PicktreeError(f"{self._where} was not there within {_START_TIME_LIMIT:.0f} s")
         except BaseException:
@@ -198,22 +198,22 @@ class RayExecutor:
         except OSError as error:
             self._lost.append(JobFailed(order, f"{folder}: {error.strerror}"))
             return
-        self._say(Task(replace(order, folder=folder, recipe=order.recipe.absolute()), token))
+        self._send(Task(replace(order, folder=folder, recipe=order.recipe.absolute()), token))
 
     def wait(self, seconds: float) -> Sequence[Event]:
         events, self._lost = self._lost, []
         until = time.monotonic() + seconds
         while True:
             left = 0.0 if events else max(0.0, until - time.monotonic())
-            news = self._heard(left)
-            event = self._hear(news)
+            news = self._received(left)
+            event = self._event_of(news)
             if event is not None:
                 events.append(event)
             elif news is None and (events or time.monotonic() >= until):
                 return events
 
     def stop(self) -> None:
-        self._say(STOP)
+        self._send(STOP)
 
     def close(self) -> None:
         self._batch.close()
@@ -227,7 +227,7 @@ class RayExecutor:
         shutil.rmtree(self._folder, ignore_errors=True)
         self._output.unlink(missing_ok=True)
 
-    def _begun(self, *, own: bool) -> tuple[Connection, subprocess.Popen[bytes]]:
+    def _start_driver(self, *, own: bool) -> tuple[Connection, subprocess.Popen[bytes]]:
         """Start the driver in a separate session, so that Ctrl-C reaches the batch alone."""
         ours, theirs = socket.socketpair()
         extra = {**_OWN_CLUSTER_ENVIRONMENT, "RAY_AUTH_TOKEN": secrets.token_hex(32)} if own else {}
@@ -243,11 +243,11 @@ class RayExecutor:
             )
         return Connection(ours.detach()), process
 
-    def _say(self, said: Said | ClusterSettings) -> None:
+    def _send(self, message: BatchMessage | ClusterSettings) -> None:
         with suppress(OSError):  # `wait` finds out
-            self._batch.send(said)
+            self._batch.send(message)
 
-    def _heard(self, seconds: float) -> News | None:
+    def _received(self, seconds: float) -> DriverMessage | None:
         """Return the next message; None: none within that time. Raises PicktreeError when the cluster is
         gone."""
         try:
@@ -255,9 +255,9 @@ class RayExecutor:
                 return None
             return self._batch.recv()
         except (EOFError, OSError):
-            raise PicktreeError(f"{self._where} is gone{self._last_words()}; --resume goes on") from None
+            raise PicktreeError(f"{self._where} is gone{self._last_words()}; --resume continues") from None
 
-    def _hear(self, news: News | None) -> Event | None:
+    def _event_of(self, news: DriverMessage | None) -> Event | None:
         match news:
             case None:
                 return None
@@ -270,7 +270,7 @@ class RayExecutor:
                 return replace(news, order=self._orders.pop(news.order.folder))
 
     def _last_words(self) -> str:
-        """Return the first sentence of the last line that the driver printed, empty when there is none."""
+        """Return the first sentence of the last line that the driver printed; empty without output."""
         try:
             lines = self._output.read_text(errors="replace").strip().splitlines()
         except OSError:

@@ -21,7 +21,7 @@ from .summary import WorstJob, summarise
 from .tables import CELL_SIZE, JobRow
 
 _PAGE = Path(__file__).parent / "page"
-MOST_JOBS = 5_000
+MAX_SHOWN_JOBS = 5_000
 """Maximum number of jobs shown one by one, the first ones of the plan."""
 
 
@@ -67,7 +67,7 @@ def _data(folder: Path, store: Store, output: Path, runs: int) -> dict[str, Any]
 def _jobs(folder: Path, store: Store, output: Path) -> list[dict[str, Any]]:
     rows = store.query(
         "SELECT variant AS label, seed, status, items_sorted AS sorted, items_total AS items, "
-        f"sim_seconds AS seconds, look_at, folder AS report FROM jobs ORDER BY number LIMIT {MOST_JOBS}"
+        f"sim_seconds AS seconds, look_at, folder AS report FROM jobs ORDER BY number LIMIT {MAX_SHOWN_JOBS}"
     )
     return [
         {**row, "report": _link(folder / str(row["report"]) / "report.html", output) if row["report"] else ""}
@@ -76,7 +76,7 @@ def _jobs(folder: Path, store: Store, output: Path) -> list[dict[str, Any]]:
 
 
 def _reports(folder: Path, worst: tuple[WorstJob, ...], runs: int) -> list[Path | None]:
-    """Return the page of each run; None where there is none. The first `runs` missing ones are written."""
+    """Return the page of each run; None without a page. The first `runs` missing ones are written."""
     found: list[Path | None] = []
     made = 0
     for job in worst:
@@ -135,14 +135,14 @@ def _case(job: Job, row: JobRow | None) -> JunitCase:
     label, name = job.variant.label or job.variant.mission.stem, f"seed {job.seed}"
     if row is None:
         return JunitCase(label, name, outcome="skipped", message="the job has not run")
-    told = [f"job {job.id}: {row.status}" + (f": {row.message}" if row.message else "")]
+    lines = [f"job {job.id}: {row.status}" + (f": {row.message}" if row.message else "")]
     if row.sim_seconds is not None:
         items = f"{row.items_sorted} of {row.items_total} items sorted"
-        told.append(f"{items} in {row.sim_seconds:g} simulated s")
+        lines.append(f"{items} in {row.sim_seconds:g} simulated s")
     pointers = (("root cause", row.root_cause), ("look at", row.look_at), ("run", row.folder))
-    told += [f"{what}: {value}" for what, value in pointers if value]
+    lines += [f"{what}: {value}" for what, value in pointers if value]
     outcome = _OUTCOMES.get(row.status, "failure")
-    text, passed = "\n".join(told), outcome == "passed"
+    text, passed = "\n".join(lines), outcome == "passed"
     return JunitCase(
         label,
         name,

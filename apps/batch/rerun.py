@@ -70,7 +70,7 @@ class RerunJob:
         return "\n".join(lines)
 
     def to_json_text(self) -> str:
-        said: dict[str, Any] = {
+        values: dict[str, Any] = {
             "identical": self.identical,
             "job": self.job.id,
             "seed": self.job.seed,
@@ -80,7 +80,7 @@ class RerunJob:
             "reasons": list(self.reasons),
             "log": str(self.log) if self.log is not None else None,
         }
-        return json.dumps(said, ensure_ascii=False, indent=2) + "\n"
+        return json.dumps(values, ensure_ascii=False, indent=2) + "\n"
 
 
 def rerun_job(where: str, out: Path | None = None, executor: Executor | None = None) -> RerunJob:
@@ -93,8 +93,8 @@ def rerun_job(where: str, out: Path | None = None, executor: Executor | None = N
     """
     folder, named = split(where)
     own: AbstractContextManager[Executor] = LocalExecutor(1) if executor is None else nullcontext(executor)
-    with Store(folder / RESULTS_FILE) as store, own as given:
-        return _rerun(store, find_job(store, where, named), where, out, given)
+    with Store(folder / RESULTS_FILE) as store, own as workers:
+        return _rerun(store, find_job(store, where, named), where, out, workers)
 
 
 def remake_into(store: Store, job: Job, scratch: Path, executor: Executor) -> Path:
@@ -153,7 +153,7 @@ def _rerun(store: Store, job: Job, where: str, out: Path | None, executor: Execu
         reason,
         log or kept,
         log is None,
-        () if same or rows is None else tuple(_otherwise(store.versions(job.id), rows.versions)),
+        () if same or rows is None else tuple(_differing_versions(store.versions(job.id), rows.versions)),
     )
 
 
@@ -176,11 +176,13 @@ def _move_run(run: Path, target: Path) -> Path:
     return run.rename(free)
 
 
-def _otherwise(then: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
+def _differing_versions(then: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
     departed = arithmetic_record.arithmetic_difference(
         arithmetic_record.Arithmetic.from_words(then), arithmetic_record.Arithmetic.from_words(now)
     )
     libraries = sorted(name for name in {*then, *now} if not name.startswith(arithmetic_record.PREFIXES))
     changed = [name for name in libraries if then.get(name, "") != now.get(name, "")]
-    said = [f"{name}: recorded {then.get(name) or 'none'}, now {now.get(name) or 'none'}" for name in changed]
-    return [departed, *said] if departed else said
+    sentences = [
+        f"{name}: recorded {then.get(name) or 'none'}, now {now.get(name) or 'none'}" for name in changed
+    ]
+    return [departed, *sentences] if departed else sentences

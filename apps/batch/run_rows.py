@@ -93,7 +93,7 @@ def root_of(explanation: Explanation) -> RootCause | None:
 
 
 def look_at(explanation: Explanation, root: RootCause | None) -> str:
-    """Return a line on what to look at: the root cause, else the first moment worth a look, else nothing."""
+    """Return a line on the root cause, or else on the first key moment; empty without both."""
     if root is not None:
         first = explanation.failures[root.failures[0]].time if root.failures else None
         time = first if root.time is None else root.time

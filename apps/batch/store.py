@@ -112,20 +112,20 @@ def _connection(path: Path) -> sqlite3.Connection:
 
 def _error_words(error: Exception) -> str:
     """Return the error's text, with the nearest valid name for an unknown table or column."""
-    said = str(error)
-    missing, _, name = said.partition(": ")
+    message = str(error)
+    missing, _, name = message.partition(": ")
     match missing:
         case "no such table":
             known = [*(table.name for table in TABLES), *(view.name for view in VIEWS)]
-            return f"{said} ({suggest_name(name, known)})"
+            return f"{message} ({suggest_name(name, known)})"
         case "no such column":
             columns = sorted({column.name for table in TABLES for column in table.columns})
             hint = suggest_name(name.rpartition(".")[2], columns)
-            return f"{said} ({hint})" if hint.startswith("did") else said  # there are too many to list
+            return f"{message} ({hint})" if hint.startswith("did") else message  # there are too many to list
         case "attempt to write a readonly database":
             return "it would change the results; a query only reads them"
         case _:
-            return said
+            return message
 
 
 def _plain(value: object) -> object:
@@ -168,7 +168,7 @@ class Store:
         """Create results for these jobs, none of them run. Raises PicktreeError when results exist
         already."""
         if path.exists():
-            raise PicktreeError(f"{path.parent}: there is a batch already; go on with it by --resume")
+            raise PicktreeError(f"{path.parent}: there is a batch already; continue it with --resume")
         beside = path.with_suffix(".part")
         for left in path.parent.glob(f"{beside.name}*"):  # of a creation that was cut short
             left.unlink()
@@ -213,7 +213,7 @@ class Store:
         )
 
     def to_do(self) -> frozenset[str]:
-        """Return the ids of the jobs that were not run, or crashed."""
+        """Return the ids of the jobs that have not run or have crashed."""
         found = self._connection.execute("SELECT job FROM jobs WHERE status IN ('waiting', 'crashed')")
         return frozenset(row[0] for row in found)
 
@@ -253,7 +253,7 @@ class Store:
         with self._writing():
             self._insert("crashes", CrashRow, job, [crash])
 
-    def begin_anew(self, job: str) -> None:
+    def reset_crashed(self, job: str) -> None:
         """Reset a job that crashed to waiting."""
         with self._writing():
             crashed = self._connection.execute(
@@ -299,7 +299,7 @@ class Store:
         except sqlite3.Error as error:
             raise PicktreeError(
                 f"{self.path}: the results cannot be written: {error}; nothing that was recorded is lost: "
-                f"mend that, and go on with --resume {self.path.parent}"
+                f"mend that, and continue with --resume {self.path.parent}"
             ) from None
 
     def query(self, sql: str) -> QueryResult:
@@ -348,8 +348,8 @@ class ExportedTables:
 
     def to_json_text(self) -> str:
         tables = {path.stem: count for path, count in self.rows.items()}
-        said = {"to": self.form, "output": str(self.output.absolute()), "tables": tables}
-        return json.dumps(said, ensure_ascii=False, indent=2) + "\n"
+        values = {"to": self.form, "output": str(self.output.absolute()), "tables": tables}
+        return json.dumps(values, ensure_ascii=False, indent=2) + "\n"
 
 
 def export(store: Store, form: table_files.TableForm, output: Path) -> ExportedTables:
@@ -432,7 +432,7 @@ def find_job(store: Store, where: str, named: str) -> Job:
 
 
 def find_run(where: str) -> str:
-    """Return the folder of the run that FOLDER@JOB names; any other name of a log is returned as it is.
+    """Return the folder of the run that FOLDER@JOB names; any other name of a log is returned unchanged.
 
     Raises PicktreeError when there is no such job, or the batch keeps no log of it.
     """

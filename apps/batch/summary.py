@@ -94,7 +94,7 @@ class RootTotal:
     seed: int
     label: str
     look_at: str
-    """Line on what to look at in the typical job."""
+    """Line on the root cause or key moment of the typical job."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -242,9 +242,9 @@ def _cures(together: Breakdown) -> Iterator[str]:
         yield f"{'cause':<{width}}  episodes  {'cured of those to be cured':<32} tries   s lost  by"
         for c in together.cures:
             total, tries = c.total, c.total.tries_a_cure
-            said = "" if tries is None else f"{tries:.1f}"
+            mean = "" if tries is None else f"{tries:.1f}"
             cured = str(rate(total.cured, total.to_cure)) if total.to_cure else ""
-            yield f"{c.cause:<{width}}  {total.seen:8}  {cured:<32} {said:>5}{total.seconds:9.1f}  {_by(c)}"
+            yield f"{c.cause:<{width}}  {total.seen:8}  {cured:<32} {mean:>5}{total.seconds:9.1f}  {_by(c)}"
     for n, fault in enumerate(dict.fromkeys(p.fault for p in together.planted)):
         if not n:
             yield ""
@@ -278,7 +278,7 @@ def _worst_places(places: tuple[TableCellShare, ...]) -> str:
     if not lacking:
         return f"all in each of {len(places)} cells of 5 cm"
     lacking.sort(key=lambda p: (-(p.rate.total - p.rate.successes), p.rate.share or 0.0, p.x, p.y))
-    said = [
+    lines = [
         f"{p.rate.successes} of {p.rate.total} at {p.x:.2f}, {p.y:.2f} m" for p in lacking[:_MAX_NAMED_PLACES]
     ]
     more = (
@@ -288,7 +288,7 @@ def _worst_places(places: tuple[TableCellShare, ...]) -> str:
     )
     whole = len(places) - len(lacking)
     rest = f"; all in {whole} other cell{'s' if whole > 1 else ''} of 5 cm" if whole else ""
-    return "; ".join(said) + more + rest
+    return "; ".join(lines) + more + rest
 
 
 def _recipe_json(recipe: RecipeSummary) -> dict[str, Any]:

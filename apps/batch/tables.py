@@ -47,16 +47,16 @@ VERSION = 3
 Phase: TypeAlias = Literal["observe", "think", "move", "grasp", "place", "recover", "other"]
 JobStatus: TypeAlias = RunStatus | Literal["crashed"]
 """End of a job: that of its run, or `crashed` when every attempt was without a result."""
-Time: TypeAlias = Annotated[float, table_files.ColumnDoc("simulated", "s")]
-Node: TypeAlias = Annotated[str, table_files.ColumnDoc("path in the tree")]
-Cause: TypeAlias = Annotated[str, table_files.ColumnDoc("as grasp.slipped")]
-Message: TypeAlias = Annotated[str, table_files.ColumnDoc("in a sentence")]
-Item: TypeAlias = Annotated[str, table_files.ColumnDoc("that it was about, as the robot calls it")]
+Time: TypeAlias = Annotated[float, table_files.ColumnDoc("simulated time", "s")]
+Node: TypeAlias = Annotated[str, table_files.ColumnDoc("path of the node in the tree")]
+Cause: TypeAlias = Annotated[str, table_files.ColumnDoc("cause, such as grasp.slipped")]
+Message: TypeAlias = Annotated[str, table_files.ColumnDoc("sentence about it")]
+Item: TypeAlias = Annotated[str, table_files.ColumnDoc("object concerned, by the robot's name")]
 Position: TypeAlias = Annotated[
-    float, table_files.ColumnDoc("where it lay when it arrived, in the world", "m")
+    float, table_files.ColumnDoc("place of the item's arrival, in the world", "m")
 ]
 Folder: TypeAlias = Annotated[
-    str, table_files.ColumnDoc("of the run with its log, below the batch; empty: not kept")
+    str, table_files.ColumnDoc("folder of the run with its log, below the batch; empty: not kept")
 ]
 LastTick: TypeAlias = Annotated[int | None, table_files.ColumnDoc("number of the last tick in the log")]
 
@@ -64,16 +64,16 @@ LastTick: TypeAlias = Annotated[int | None, table_files.ColumnDoc("number of the
 @dataclass(frozen=True, slots=True)
 class JobItemRow:
     item: Annotated[str, table_files.ColumnDoc("name in the simulation")]
-    kind: Annotated[str, table_files.ColumnDoc("in the scene's catalogue")]
+    kind: Annotated[str, table_files.ColumnDoc("kind in the scene's catalogue")]
     form: Annotated[str, table_files.ColumnDoc("box, cylinder, …")]
     colour: Annotated[str, table_files.ColumnDoc("name of the colour")]
     x: Position
     y: Position
     arrived: Annotated[
-        float, table_files.ColumnDoc("simulated time at which it was there first; 0: at the start", "s")
+        float, table_files.ColumnDoc("simulated time of its first presence; 0: at the start", "s")
     ]
-    destination: Annotated[str | None, table_files.ColumnDoc("bin where it belongs")]
-    bin: Annotated[str | None, table_files.ColumnDoc("where it ended")]
+    destination: Annotated[str | None, table_files.ColumnDoc("bin of its destination")]
+    bin: Annotated[str | None, table_files.ColumnDoc("bin in which it ended")]
     verdict: Annotated[
         Literal["sorted", "misplaced", "left", "no destination"],
         table_files.ColumnDoc("sorted, misplaced, left, no destination"),
@@ -90,7 +90,7 @@ class JobFailureRow(
     row_type(
         FailureStory,
         "time node cause message item fate handled_by seconds_lost",
-        handled_by=Annotated[str, table_files.ColumnDoc("handlers that were tried, in order")],
+        handled_by=Annotated[str, table_files.ColumnDoc("attempted handlers, in order")],
         seconds_lost=Annotated[
             float | None,
             table_files.ColumnDoc(
@@ -114,13 +114,13 @@ class EpisodeRow(
         event_types.EpisodeEvent,
         "time cause node item ended handler tried by tries seconds",
         time=Annotated[float, table_files.ColumnDoc("simulated time of the first failure", "s")],
-        node=Annotated[str, table_files.ColumnDoc("path of the node that failed first")],
+        node=Annotated[str, table_files.ColumnDoc("path of the first failing node")],
         ended=_Ended,
-        handler=Annotated[str, table_files.ColumnDoc("name of the last cure; empty when none was tried")],
+        handler=Annotated[str, table_files.ColumnDoc("name of the last cure; empty without an attempt")],
         tried=Annotated[str, table_files.ColumnDoc("names of the cures that ran, in order")],
     )
 ):
-    """Cause that was seen, with its cures and its outcome."""
+    """Episode of a cause, with its cures and its outcome."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,8 +148,8 @@ class JobTimingRow:
 
 @dataclass(frozen=True, slots=True)
 class CrashRow:
-    attempt: Annotated[int, table_files.ColumnDoc("1 for the first")]
-    reason: Annotated[str, table_files.ColumnDoc("why it ended, and where it was then")]
+    attempt: Annotated[int, table_files.ColumnDoc("number of the attempt, from 1")]
+    reason: Annotated[str, table_files.ColumnDoc("reason of its end, and the node or line at that time")]
     last_tick: Annotated[int | None, table_files.ColumnDoc("number of the last tick in its log")]
     folder: Folder
 
@@ -160,21 +160,27 @@ class JobRow:
         JobStatus,
         table_files.ColumnDoc("success, incomplete, failure, timeout, paused, crashed; waiting: not yet run"),
     ]
-    message: Annotated[str, table_files.ColumnDoc("why it failed or crashed, in a sentence")]
-    digest: Annotated[str, table_files.ColumnDoc("of all that happened; two equal runs have the same")]
-    attempts: Annotated[int, table_files.ColumnDoc("times that a worker tried it")]
-    items_total: Annotated[int | None, table_files.ColumnDoc("true items")] = None
-    items_sorted: Annotated[int | None, table_files.ColumnDoc("in the bin where they belong")] = None
-    items_misplaced: Annotated[int | None, table_files.ColumnDoc("in another bin")] = None
-    items_left: Annotated[int | None, table_files.ColumnDoc("in no bin")] = None
-    picks_tried: Annotated[int | None, table_files.ColumnDoc("closings of the fingers on an object")] = None
-    picks_held: Annotated[int | None, table_files.ColumnDoc("of these, with the object between them")] = None
+    message: Annotated[str, table_files.ColumnDoc("sentence on why it failed or crashed")]
+    digest: Annotated[
+        str, table_files.ColumnDoc("digest of everything simulated; equal runs have equal digests")
+    ]
+    attempts: Annotated[int, table_files.ColumnDoc("number of attempts by workers")]
+    items_total: Annotated[int | None, table_files.ColumnDoc("number of true items")] = None
+    items_sorted: Annotated[int | None, table_files.ColumnDoc("number of items at their destination")] = None
+    items_misplaced: Annotated[int | None, table_files.ColumnDoc("number of items in another bin")] = None
+    items_left: Annotated[int | None, table_files.ColumnDoc("number of items outside of all bins")] = None
+    picks_tried: Annotated[
+        int | None, table_files.ColumnDoc("number of closings of the fingers on an object")
+    ] = None
+    picks_held: Annotated[int | None, table_files.ColumnDoc("number of closings that held the object")] = None
     sim_seconds: Annotated[float | None, table_files.ColumnDoc("simulated time", "s")] = None
     cpu_seconds: Annotated[float | None, table_files.ColumnDoc("CPU time", "s")] = None
     wall_seconds: Annotated[float | None, table_files.ColumnDoc("wall time", "s")] = None
     last_tick: LastTick = None
-    root_cause: Annotated[str, table_files.ColumnDoc("the one that cost the goal, else the first")] = ""
-    look_at: Annotated[str, table_files.ColumnDoc("one line on what to look at")] = ""
+    root_cause: Annotated[str, table_files.ColumnDoc("root cause that cost the goal, else the first one")] = (
+        ""
+    )
+    look_at: Annotated[str, table_files.ColumnDoc("line on the root cause or first key moment")] = ""
     folder: Folder = ""
 
 
@@ -208,7 +214,7 @@ _SQL: dict[table_files.Kind, str] = {"int": "INTEGER", "float": "REAL", "bool": 
 
 @dataclass(frozen=True, slots=True)
 class TableOf:
-    """One table. `key`: columns that identify a row; empty where only its position does."""
+    """Table. `key`: columns that identify a row; empty where only its position does."""
 
     name: str
     meaning: str
@@ -255,31 +261,31 @@ TABLES = (
         "jobs",
         "a job",
         (
-            _text("job", "id: hash over everything that the job runs"),
-            table_files.Column("number", "int", False, "", "its place in the plan, from 0"),
-            _text("variant", "recipe: what sets it apart from the others of the plan"),
-            _text("mission", "path"),
-            _text("scene", "name or path; empty: the mission's own"),
-            _text("faults", "path; empty: none"),
-            _text("settings", "JSON object"),
-            table_files.Column("seed", "int", False, "", "of all its randomness"),
-            _text("recipe", "hash of all that it runs but the seed; recipes/HASH.zip holds it"),
+            _text("job", "id: hash of the job's complete input"),
+            table_files.Column("number", "int", False, "", "index in the plan, from 0"),
+            _text("variant", "label of the recipe: its differences from the others of the plan"),
+            _text("mission", "path of the mission"),
+            _text("scene", "name or path of the scene; empty: the mission's own"),
+            _text("faults", "path of the faults file; empty: none"),
+            _text("settings", "settings as a JSON object"),
+            table_files.Column("seed", "int", False, "", "seed of all random numbers"),
+            _text("recipe", "hash of its input without the seed; recipes/HASH.zip holds that input"),
             *columns(JobRow),
         ),
         key=("job",),
     ),
-    _table("items", "a true item, as the scorer found it", JobItemRow, key=("job", "item")),
-    _table("picks", "a closing of the fingers, as the robot felt it", JobPickRow, index=("job",)),
-    _table("failures", "a failure, and what became of it", JobFailureRow, index=("job", "cause")),
+    _table("items", "a true item, with the scorer's verdict", JobItemRow, key=("job", "item")),
+    _table("picks", "a closing of the fingers, as the robot measured it", JobPickRow, index=("job",)),
+    _table("failures", "a failure with its outcome", JobFailureRow, index=("job", "cause")),
     _table(
         "episodes",
-        "a cause that was seen, what was tried against it, and what came of it",
+        "an episode of a cause, with its cures and its outcome",
         EpisodeRow,
         index=("job", "cause"),
     ),
     _table(
         "planted",
-        "a fault that was planted in the simulation, and what failed first after it",
+        "an injected fault with the first failure after it",
         PlantedRow,
         index=("job",),
     ),
@@ -287,14 +293,14 @@ TABLES = (
     _table("timings", "a phase of a job", JobTimingRow, key=("job", "phase")),
     _table(
         "crashes",
-        "a try at a job that came to no result; of a job that succeeded when it was tried again, too",
+        "an attempt at a job without a result, also when a later attempt succeeded",
         CrashRow,
         key=("job", "attempt"),
     ),
     TableOf(
         "versions",
-        "a library that a job was run with",
-        (_JOB, _text("library", "name"), _text("version", "of it")),
+        "a library used by a job",
+        (_JOB, _text("library", "name"), _text("version", "version of the library")),
         key=("job", "library"),
     ),
 )

@@ -28,7 +28,8 @@ def diff(
     b: Annotated[str, typer.Argument(metavar="B", help="The run that it is compared with.", parser=run_log)],
     json: JsonResult = False,
 ) -> None:
-    """Where two runs part, and in what they differ. Exit code 0: they are identical; 1: they differ."""
+    """Compare two runs: their divergence and all differences. Exit code 0: they are identical; 1: they
+    differ."""
     answer = keep_stdout() if json else None
 
     from picktree.analysis import Run
@@ -44,18 +45,18 @@ def diff(
 def explain(
     log: Log,
     everything: Annotated[
-        bool, typer.Option("--all", help="Tell each failure and each item by itself.")
+        bool, typer.Option("--all", help="Describe each failure and each item separately.")
     ] = False,
     hide_faults: Annotated[
-        bool, typer.Option("--hide-faults", help="Do not quote faults that were planted in the simulation.")
+        bool, typer.Option("--hide-faults", help="Do not list the injected faults.")
     ] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the explanation as one JSON object.")
     ] = False,
 ) -> None:
-    """Say why a run ended as it did: root causes, failures, items, and what to look at.
+    """Explain the end of a run: root causes, failures, items, key moments.
 
-    Of a folder with many runs: their root causes, grouped and counted, with a typical run of each.
+    For a folder with many runs: their root causes, grouped and counted, with a typical run of each.
     """
     answer = keep_stdout() if as_json else None
 
@@ -95,16 +96,17 @@ def _explain_runs(folder: Path, answer: TextIO | None) -> None:
 
 
 def runs(
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="The runs below it are listed.")] = Path(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder whose runs are listed.")] = Path(
         "runs"
     ),
     where: Annotated[
         str | None,
-        typer.Option(metavar="CONDITION", help="List these alone, as \"status == 'failure' and lost > 20\"."),
+        typer.Option(
+            metavar="CONDITION",
+            help="Condition on the listed runs, as \"status == 'failure' and lost > 20\".",
+        ),
     ] = None,
-    keep: Annotated[
-        int, typer.Option(min=0, metavar="N", help="Leave out the N that were written last.")
-    ] = 0,
+    keep: Annotated[int, typer.Option(min=0, metavar="N", help="Leave out the N newest runs.")] = 0,
     prune: Annotated[bool, typer.Option("--prune", help="Delete the runs that are listed.")] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Delete without asking.")] = False,
     json: JsonAnswer = False,
@@ -142,7 +144,8 @@ def runs(
 
 
 def _prune(index: run_index.RunIndex, found: Sequence[run_index.RunRow], *, yes: bool) -> list[str]:
-    """Delete runs once confirmed; return why some stay. Raises PicktreeError where nobody can confirm."""
+    """Delete runs after a confirmation; return reasons of kept runs. Raises PicktreeError without a
+    terminal."""
     from picktree.files import PicktreeError
 
     size = f"{len(found)} runs, {sum(row.size for row in found) / 1e6:.1f} MB"
@@ -163,7 +166,7 @@ def _prune(index: run_index.RunIndex, found: Sequence[run_index.RunRow], *, yes:
 
 def layout(
     log: Annotated[
-        str | None, typer.Argument(metavar="[LOG]", help="Not needed: one layout fits every log.")
+        str | None, typer.Argument(metavar="[LOG]", help="Ignored: one layout fits every log.")
     ] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="FILE", help="JSON file; without: text, here.")
@@ -209,7 +212,9 @@ def report(
     log: Log,
     output: Annotated[Path, typer.Option("-o", "--output", metavar="PAGE", help="HTML file to write.")],
     open_it: Annotated[bool, typer.Option("--open", help="Open it in the browser.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Say what was written as one JSON object.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the written file as one JSON object.")
+    ] = False,
 ) -> None:
     """Write a run as one HTML page: 3-D replay, tree, lanes, failures, plots, images. It needs no network."""
     import json
@@ -231,7 +236,9 @@ def report(
 
 def replay(
     log: Log,
-    at: Annotated[float, typer.Option(metavar="TIME", min=0.0, help="Where to begin, simulated s.")] = 0.0,
+    at: Annotated[
+        float, typer.Option(metavar="TIME", min=0.0, help="First displayed time, simulated s.")
+    ] = 0.0,
 ) -> None:
     """Step through a run by commands: ticks, failures, tree, events, belief. `help` lists the commands."""
     from picktree.analysis import Run
@@ -251,7 +258,7 @@ def snapshot(
     log: Log,
     at: Annotated[float, typer.Option(metavar="SECONDS", min=0.0, help="Simulated time.")],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="PICTURE", help="PNG file to write.")],
-    size: Annotated[str, typer.Option(metavar="WxH", help="In pixels.")] = "1280x800",
+    size: Annotated[str, typer.Option(metavar="WxH", help="Size in pixels.")] = "1280x800",
     view: View = "corner",
     show: Show = "belief",
 ) -> None:
@@ -273,7 +280,11 @@ def video(
     start: Annotated[
         float | None,
         typer.Option(
-            "--from", metavar="SECONDS", min=0.0, help="Simulated time.", show_default="where the log begins"
+            "--from",
+            metavar="SECONDS",
+            min=0.0,
+            help="Simulated time.",
+            show_default="the beginning of the log",
         ),
     ] = None,
     end: Annotated[
@@ -287,17 +298,17 @@ def video(
         int | None, typer.Option(min=1, max=60, help="Frames in a second.", show_default="20, GIF 10")
     ] = None,
     size: Annotated[
-        str | None, typer.Option(metavar="WxH", help="In pixels.", show_default="960x600, GIF 640x400")
+        str | None, typer.Option(metavar="WxH", help="Size in pixels.", show_default="960x600, GIF 640x400")
     ] = None,
     view: View = "corner",
     show: Show = "belief",
     processes: Annotated[
         int | None,
-        typer.Option(min=1, help="How many draw.", show_default="as processors, 4 at most"),
+        typer.Option(min=1, help="Drawing processes.", show_default="one a processor, up to 4"),
     ] = None,
     json: JsonWritten = False,
 ) -> None:
-    """Make a film of a run, from its log alone, with what runs, what is done and what fails written in."""
+    """Make a film of a run, from its log alone, with captions: running nodes, progress and failures."""
     answer = keep_stdout() if json else None
 
     from picktree.analysis.render import FilmRequest, film, parse_size, parse_view
@@ -323,13 +334,13 @@ def video(
 
 def _film_progress(line: StatusLine) -> Callable[[int, int], None]:
     """Return a function that shows the number of frames and the remaining time."""
-    began = said = time.monotonic()
+    began = last_report = time.monotonic()
 
     def tell(done: int, count: int) -> None:
-        nonlocal said
+        nonlocal last_report
         now = time.monotonic()
-        if now - said > 0.3 and done < count:
-            said = now
+        if now - last_report > 0.3 and done < count:
+            last_report = now
             line.say(f"frame {done} of {count}, {(now - began) / done * (count - done):.0f} s left")
 
     return tell

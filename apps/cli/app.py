@@ -71,8 +71,8 @@ HELP_GROUPS: Mapping[str, HelpGroups] = {"run": run_command.HELP_GROUPS}
 
 
 class _Group(TyperGroup):
-    """Group that builds the command that is called, and no other: all of them would take as long as the
-    rest of the start. For its help, and to find the nearest name, it has commands without options."""
+    """Group that builds only the called command: all commands would take as long as the rest of the start.
+    For its help, and to find the nearest name, it has commands without options."""
 
     def __init__(self, **options: Any) -> None:
         super().__init__(**options)
@@ -149,14 +149,14 @@ def _require_utf8(arguments: Sequence[str]) -> None:
 
 
 class _StderrHandler(logging.Handler):
-    """Writes messages to the stderr of the moment."""
+    """Handler that writes messages to the present stderr."""
 
     def emit(self, record: logging.LogRecord) -> None:
         print(self.format(record), file=sys.stderr, flush=True)
 
 
 def _report_slow_work() -> None:
-    """Send what the reading of files reports, such as work of seconds, to stderr."""
+    """Send reports of slow file reading to stderr."""
     reading = logging.getLogger("picktree.world")
     if not reading.handlers:
         reading.addHandler(_StderrHandler())

@@ -21,10 +21,10 @@ def attach(
         bool, typer.Option("--watch", help="Only watch: read no commands, and let nothing wait for this.")
     ] = False,
 ) -> None:
-    """Watch and steer a run that goes on in another process: pause, step, look, set breakpoints, answer.
+    """Watch and steer a run in another process: pause, step, look, set breakpoints, answer.
 
-    `help` lists the commands. Ctrl-D leaves; a run that is stopped then goes on. Exit code 1: the run's
-    process died.
+    `help` lists the commands. Ctrl-D leaves; a stopped run then continues. Exit code 1: the run's process
+    died.
     """
     from picktree.logs import log_files
     from picktree.session import attach_socket
@@ -34,10 +34,10 @@ def attach(
 
 
 class _Conversation:
-    """Conversation of a person or a script with a run.
+    """Conversation of a user or a script with a run.
 
     Lines of a terminal are sent at once. A line of a script is sent when the line before it has its reply and
-    the run stands: after `pause`, `step`, `next` and `continue` it waits for the stop.
+    the run is stopped. After `pause`, `step`, `next` and `continue` it waits for the stop.
     """
 
     def __init__(self, connection: socket.socket, *, steer: bool) -> None:
@@ -49,7 +49,7 @@ class _Conversation:
         self._rest = b""
         self._last = ""
         self._may_send = False
-        """Whether the run stands ready for a script's next line."""
+        """Whether the run is ready for a script's next line."""
         self._owed = 0
         """Number of replies that have not come yet."""
         self._shown = ("", "")
@@ -126,9 +126,9 @@ class _Conversation:
             case {"run": folder, "time": now}:
                 self._say(f"attached to {folder} at {now:.2f} s" + ("; `help` for help" * self._typed))
                 self._may_send = True
-            case {"reply": text, "goes_on": goes_on}:
+            case {"reply": text, "goes_on": continues}:
                 self._owed -= 1
-                self._may_send = not goes_on
+                self._may_send = not continues
                 self._say(text.rstrip("\n"))
             case {"stop": where}:
                 self._may_send = True

@@ -1,4 +1,4 @@
-"""Clients of the attach server: connections that are polled without waiting, and the messages to them."""
+"""Attach server: its clients, which are polled without waiting, and the messages to them."""
 
 from __future__ import annotations
 
@@ -47,11 +47,11 @@ class Client:
     def __init__(self, connection: socket.socket) -> None:
         self.connection = connection
         self.steers: bool | None = None
-        """Whether stops and questions wait for it; None: it has not said so yet."""
+        """Whether stops and questions wait for this client; None: not yet declared."""
         self.follows = False
         """Whether it receives the messages of the log."""
         self.behind = False
-        """Whether messages were left out for it since it received the whole state."""
+        """Whether the client has missed messages since it received the whole state."""
         self.outgoing = bytearray()
         self.polled_for_room = False
         """Whether the poll waits for room to send."""
@@ -215,7 +215,7 @@ _NOT_FOLLOWED: Final = frozenset({topics.ROBOT.name, topics.STATE.name, topics.T
 
 
 class AttachPrompt(DebugPrompt):
-    """Commands of the debugger for attached processes, with those for a run that goes on or asks."""
+    """Commands of the debugger for attached processes, with those for a running or asking run."""
 
     def __init__(self, server: AttachServer) -> None:
         super().__init__(lambda _: "", io.StringIO())
@@ -223,16 +223,16 @@ class AttachPrompt(DebugPrompt):
         self.offer(
             Command("pause", "stop at the end of the next tick", self._pause),
             Command("answer TEXT", "the answer when the mission asks for help", self._answer),
-            Command("take FILE", "go on with this mission from the next item on", self._take),
+            Command("take FILE", "continue with this mission from the next item on", self._take),
             Command("halt", "bring the arm to rest, and interrupt the run", self._halt),
         )
 
     def respond(self, debugger: Debugger, stop: DebuggerStop, line: str) -> tuple[str, bool]:
-        """Run a command line; return its output, and whether the run goes on."""
+        """Run a command line; return its output, and whether the run continues."""
         self._debugger, self._stop = debugger, stop
         with self.into(io.StringIO()) as out:
-            goes_on = bool(line.strip()) and self.carry_out(line.strip())
-        return out.getvalue(), goes_on
+            continues = bool(line.strip()) and self.carry_out(line.strip())
+        return out.getvalue(), continues
 
     def _pause(self, _: str) -> bool:
         if self._server.stopped:
@@ -275,14 +275,14 @@ class AttachServer(Interrupter):
         self._run: Execution | None = None
         self._hooked = False
         self._standing: Mapping[str, object] | None = None
-        """Message of the present stop or question; None: the run goes on."""
+        """Message of the present stop or question; None: the run is not stopped."""
         self._question: operator_desk.OperatorQuestion | None = None
         self._given: str | None = None
         self._halts = False
         self._state: tuple[str, str] = ("", "")
         self._state_sent = 0.0
         self._reported: object = None
-        """Reports of the nodes that the last state was made of."""
+        """Reports of the nodes in the last state."""
         self._last = LastMessages()
         self._new: list[LogMessage] = []
         """Messages of the log since the last tick that were not sent to followers yet."""
@@ -300,13 +300,13 @@ class AttachServer(Interrupter):
         return self._standing is not None and self._question is None
 
     def take_answer(self, text: str) -> None:
-        """Answer the pending question. Raises PicktreeError when there is none, or no such choice."""
+        """Answer the pending question. Raises PicktreeError without a question or without such a choice."""
         if self._question is None:
             raise PicktreeError("no question waits for an answer")
         choice = self._question.choice(text)
         if choice is None:
             known = ", ".join(self._question.choices)
-            raise PicktreeError(f"{text!r} is none of the answers; write a number or one of these: {known}")
+            raise PicktreeError(f"{text!r} is not among the answers; write a number or one of these: {known}")
         self._given = choice
 
     def take_mission(self, file: Path) -> None:
@@ -342,7 +342,7 @@ class AttachServer(Interrupter):
         if self._clients:
             self._send_state(now, report, items_done, items_total)
 
-    def told(self, now: float, text: str) -> None:
+    def notified(self, now: float, text: str) -> None:
         self._clients.send_all({"told": text, "time": now})
 
     def recorded(self, topic: Topic, at: int, data: bytes, in_digest: bool) -> None:
@@ -375,7 +375,8 @@ class AttachServer(Interrupter):
         self._wait({"stop": where, "when": stop.when, "path": stop.path, "time": now}, stop)
 
     def _wait(self, standing: Mapping[str, object], stop: DebuggerStop) -> None:
-        """Carry out commands until the run goes on: by a command, an answer, or because nobody steers."""
+        """Carry out commands until the run continues: by a command, an answer, or without a steering
+        client."""
         if not self._is_awaited():
             return
         self._standing = standing
@@ -385,8 +386,8 @@ class AttachServer(Interrupter):
         try:
             while self._is_awaited():
                 while self._commands:
-                    goes_on = self._carry_out(stop)
-                    if self._halts or (self._given is not None if self._question else goes_on):
+                    continues = self._carry_out(stop)
+                    if self._halts or (self._given is not None if self._question else continues):
                         return
                 self._exchange(None)
         finally:
@@ -394,22 +395,23 @@ class AttachServer(Interrupter):
             self._clients.send_all({"going": True})
 
     def _is_awaited(self) -> bool:
-        """Whether the present stop or question has somebody who may end it."""
+        """Whether a client may end the present stop or question."""
         return (self._waits and self._question is not None) or any(client.steers for client in self._clients)
 
     def _carry_out(self, stop: DebuggerStop) -> bool:
-        """Carry out the next command; return whether the run goes on. Raises KeyboardInterrupt for `quit`."""
+        """Carry out the next command; return whether the run continues. Raises KeyboardInterrupt for
+        `quit`."""
         client, line = self._commands.popleft()
         try:
-            text, goes_on = self._prompt.respond(self._debugger, stop, line)
+            text, continues = self._prompt.respond(self._debugger, stop, line)
         except KeyboardInterrupt:
             self._clients.send(client, {"reply": "", "goes_on": True})
             raise
-        self._clients.send(client, {"reply": text, "goes_on": goes_on and self._question is None})
+        self._clients.send(client, {"reply": text, "goes_on": continues and self._question is None})
         self._send_breakpoints()
-        if not goes_on:
+        if not continues:
             self._send_standing()
-        return goes_on
+        return continues
 
     # Messages.
 
@@ -465,7 +467,7 @@ class AttachServer(Interrupter):
             self._clients.send_log(new, self._whole)
 
     def _board(self) -> Mapping[str, object]:
-        """Return statuses and blackboard as they are now: at a stop within a tick no message has them yet."""
+        """Return the present statuses and blackboard: at a stop within a tick no message has them yet."""
         assert self._run is not None
         tree = self._run.tree
         statuses = {node.path: str(node.state) for node in tree.nodes}
@@ -488,7 +490,7 @@ class AttachServer(Interrupter):
             self._clients.send_all({"breakpoints": breakpoints})
 
     def _send_state(self, now: float, report: Tick, done: int, total: int) -> None:
-        """Send where the run stands: at each change, and a few times per second of wall time."""
+        """Send the run's state: at each change, and a few times per second of wall time."""
         assert self._run is not None
         recent = time.monotonic() - self._state_sent < _STATE_PERIOD
         if recent and report.nodes is self._reported:  # the same tuple while nothing in it changes

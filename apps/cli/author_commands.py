@@ -52,13 +52,13 @@ def registry(*, shipped: bool = False) -> NodeRegistry:
 
 def explain_code(
     code: Annotated[
-        str | None, typer.Argument(metavar="CODE", help="As P104; without it, all codes are listed.")
+        str | None, typer.Argument(metavar="CODE", help="Code, as P104; without it, all codes are listed.")
     ] = None,
     index: Annotated[
         bool, typer.Option("--index", help="Print the page of the documentation that lists all codes.")
     ] = False,
 ) -> None:
-    """Explain a code of `picktree check`: what is wrong, why it matters, how to mend it."""
+    """Explain a code of `picktree check`: the fault, its effect, and the remedy."""
     from picktree.files import fault_codes
     from picktree.files import index as all_codes
 
@@ -87,7 +87,9 @@ def check(
     ],
     format_: Annotated[
         Literal["text", "json", "github", "sarif"],
-        typer.Option("--format", help="For people, programs, annotations on GitHub, code scanning (SARIF)."),
+        typer.Option(
+            "--format", help="Format for people, programs, annotations on GitHub, or code scanning (SARIF)."
+        ),
     ] = "text",
     strict: Annotated[bool, typer.Option("--strict", help="Exit code 1 for warnings, too.")] = False,
     ours_only: Annotated[
@@ -95,7 +97,7 @@ def check(
     ] = False,
     stdin_filename: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="What stdin is called, and beside which file it stands."),
+        typer.Option(metavar="FILE", help="File name of stdin, in whose folder names are looked for."),
     ] = None,
 ) -> None:
     """Check files of any kind: all faults of all files at once. Exit code 2: there are errors."""
@@ -128,7 +130,7 @@ def check(
 
 
 def nodes(
-    name: Annotated[str | None, typer.Argument(metavar="NAME", help="A node: all about it.")] = None,
+    name: Annotated[str | None, typer.Argument(metavar="NAME", help="Node to describe in full.")] = None,
     mission: Annotated[
         Path | None,
         typer.Option(
@@ -287,7 +289,7 @@ def render(
         bool, typer.Option("--expand", help="Write each sub-tree out wherever it is called.")
     ] = False,
 ) -> None:
-    """Draw a mission: its trees, ports, conditions, and what recovers from which failure."""
+    """Draw a mission: its trees, ports, conditions, and handlers of failures."""
     from picktree.authoring import DEFAULT_COLUMNS, drawing, mission_chart, text
 
     suffix = drawing.suffix_of(output.name) if output is not None else ".txt"
@@ -319,7 +321,7 @@ def schema(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Of this mission: with its sub-trees, its plug-ins' nodes and its scene's names.",
+            help="Schema for this mission, with its sub-trees, its plug-ins' nodes and its scene's names.",
             parser=mission_file,
         ),
     ] = None,

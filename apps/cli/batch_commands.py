@@ -43,36 +43,38 @@ PlanArgument: TypeAlias = Annotated[
 ]
 Missions: TypeAlias = Annotated[
     list[Path] | None,
-    typer.Option(metavar="FILE", help="Instead of a plan: missions to be tried.", parser=mission_file),
+    typer.Option(metavar="FILE", help="Missions to be run, instead of a plan.", parser=mission_file),
 ]
-Seeds: TypeAlias = Annotated[str, typer.Option(metavar="SEEDS", help="0:100 is half open; 3,7 is good, too.")]
+Seeds: TypeAlias = Annotated[
+    str, typer.Option(metavar="SEEDS", help="Seeds: 0:100 without the last, or 3,7.")
+]
 Scenes: TypeAlias = Annotated[
     list[str] | None,
-    typer.Option(metavar="SCENE", help="Scenes to be tried, for the missions' own."),
+    typer.Option(metavar="SCENE", help="Scenes that replace the missions' own."),
 ]
 Robots: TypeAlias = Annotated[
     list[str] | None,
-    typer.Option(metavar="ROBOT", help="Shipped robots or robot files to be tried, for the scenes' own."),
+    typer.Option(metavar="ROBOT", help="Shipped robots or robot files that replace the scenes' own."),
 ]
 FaultsFiles: TypeAlias = Annotated[
-    list[str] | None, typer.Option(metavar="FILE", help="Faults file, or none; several are tried.")
+    list[str] | None, typer.Option(metavar="FILE", help="Faults file, or none; may be repeated.")
 ]
 TriedSettings: TypeAlias = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="NAME=A,B", help="Values to be tried, as SortOne/Grasp.force=15,30."),
+    typer.Option("--set", metavar="NAME=A,B", help="Values of a setting, as SortOne/Grasp.force=15,30."),
 ]
-TimeLimit: TypeAlias = Annotated[str, typer.Option(metavar="TIME", help="Simulated time of a job.")]
-WallLimit: TypeAlias = Annotated[str, typer.Option(metavar="TIME", help="Wall time of a job.")]
-MemoryLimit: TypeAlias = Annotated[str, typer.Option(metavar="SIZE", help="Memory of a job.")]
-DiskLimit: TypeAlias = Annotated[str, typer.Option(metavar="SIZE", help="What a job writes.")]
+TimeLimit: TypeAlias = Annotated[str, typer.Option(metavar="TIME", help="Limit of a job's simulated time.")]
+WallLimit: TypeAlias = Annotated[str, typer.Option(metavar="TIME", help="Limit of a job's wall time.")]
+MemoryLimit: TypeAlias = Annotated[str, typer.Option(metavar="SIZE", help="Limit of a job's memory.")]
+DiskLimit: TypeAlias = Annotated[str, typer.Option(metavar="SIZE", help="Limit of a job's written data.")]
 KeptLogs: TypeAlias = Annotated[
-    Literal["all", "failures", "none"], typer.Option(help="Whose logs stay on the disk.")
+    Literal["all", "failures", "none"], typer.Option(help="Jobs whose logs are kept.")
 ]
 Workers: TypeAlias = Annotated[
-    int | None, typer.Option(min=1, help="Jobs at once, at most.", show_default="one a core")
+    int | None, typer.Option(min=1, help="Maximum number of jobs at once.", show_default="one a core")
 ]
 ExecutorName: TypeAlias = Annotated[
-    Literal["local", "ray"], typer.Option(help="Who runs them: this machine, or a Ray cluster.")
+    Literal["local", "ray"], typer.Option(help="Executor of the jobs: this machine, or a Ray cluster.")
 ]
 ClusterAddress: TypeAlias = Annotated[
     str | None,
@@ -86,9 +88,9 @@ NewFolder: TypeAlias = Annotated[
     Path | None, typer.Option(metavar="DIR", help="The batch's folder.", show_default="in runs/")
 ]
 ResumedFolder: TypeAlias = Annotated[
-    Path | None, typer.Option(metavar="DIR", help="Go on with the batch in this folder.")
+    Path | None, typer.Option(metavar="DIR", help="Resume the batch in this folder.")
 ]
-JsonEvents: TypeAlias = Annotated[bool, typer.Option("--json", help="Print an event a line, as JSON.")]
+JsonEvents: TypeAlias = Annotated[bool, typer.Option("--json", help="Print one event a line, as JSON.")]
 
 
 def run(
@@ -117,8 +119,8 @@ def run(
 ) -> None:
     """Run every combination of missions, scenes, faults and settings with every seed.
 
-    Ctrl-C once finishes what runs, twice stops at once; --resume goes on. Exit code 0: every job reached its
-    goal; 1: one did not.
+    Ctrl-C once finishes the running jobs, twice stops at once; --resume continues. Exit code 0: every job
+    reached its goal; 1: one did not.
     """
     _require_one_source(context, plan, mission, resume)
     if address is not None and executor == "local":
@@ -134,7 +136,7 @@ def run(
             _carry_out(resumed, hands, answer, junit)
         return
     if plan is not None:
-        asked = load_plan(plan)
+        batch_plan = load_plan(plan)
     else:
         options = {
             "scenes": scene,
@@ -148,9 +150,9 @@ def run(
             "disk": disk,
             "keep": keep,
         }
-        asked = plan_of(_matrix(mission or [], faults or [], set_ or [], options))
+        batch_plan = plan_of(_matrix(mission or [], faults or [], set_ or [], options))
     with _executor(executor, workers, address) as hands:
-        _carry_out(Batch.create(out or _new_folder(asked), asked), hands, answer, junit)
+        _carry_out(Batch.create(out or _new_folder(batch_plan), batch_plan), hands, answer, junit)
 
 
 def _require_one_source(
@@ -203,7 +205,7 @@ def _matrix(
 
 
 def _carry_out(made: Batch, executor: Executor, answer: TextIO | None, junit: Path | None) -> None:
-    """Run all jobs that are to do, show the progress, and end with the exit code."""
+    """Run all open jobs, show the progress, and end with the exit code."""
     from picktree.apps.batch import summarise, to_junit
 
     from .batch_progress import EventLines, discard, progress
@@ -244,12 +246,12 @@ def _stopped_by_signals(made: Batch) -> Generator[None]:
 
     The loss of the terminal finishes running jobs, too; under nohup it has no effect.
     """
-    heard = {signal.SIGINT: made.stop, signal.SIGTERM: made.break_off, signal.SIGHUP: made.finish}
+    handlers = {signal.SIGINT: made.stop, signal.SIGTERM: made.break_off, signal.SIGHUP: made.finish}
 
     def hear(number: int, frame: FrameType | None) -> None:
-        heard[signal.Signals(number)]()
+        handlers[signal.Signals(number)]()
 
-    before = {number: signal.getsignal(number) for number in heard}
+    before = {number: signal.getsignal(number) for number in handlers}
     for number, handler in before.items():
         if number != signal.SIGHUP or handler != signal.SIG_IGN:
             signal.signal(number, hear)
@@ -260,7 +262,7 @@ def _stopped_by_signals(made: Batch) -> Generator[None]:
             signal.signal(number, handler)
 
 
-batch = typer.Typer(help="Run many jobs, and ask what came of them.", no_args_is_help=True)
+batch = typer.Typer(help="Run many jobs, and query their results.", no_args_is_help=True)
 batch.command()(run)
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="The batch's folder.")]
@@ -270,15 +272,15 @@ Folder = Annotated[Path, typer.Argument(metavar="DIR", help="The batch's folder.
 def plan(
     file: Annotated[Path, typer.Argument(metavar="PLAN", help="Plan file.")],
     runs: Annotated[
-        Path, typer.Option(metavar="DIR", help="Folder with batches that tell how long jobs take.")
+        Path, typer.Option(metavar="DIR", help="Folder with batches whose jobs give the expected costs.")
     ] = Path("runs"),
     workers: Workers = None,
     stdin: Annotated[
-        bool, typer.Option("--stdin", help="Read the text from stdin; PLAN says where it belongs.")
+        bool, typer.Option("--stdin", help="Read the text from stdin; PLAN names its place.")
     ] = False,
     json: Json = False,
 ) -> None:
-    """Check a plan, and show its matrix and what it will cost, without running it."""
+    """Check a plan, and show its matrix and its expected cost, without running it."""
     from picktree.apps.batch import check_plan, forecast, recorded_batches
     from picktree.files.yaml import read_document
 
@@ -302,7 +304,7 @@ def query(
     json: Json = False,
     csv: Annotated[bool, typer.Option("--csv", help="Print CSV.")] = False,
 ) -> None:
-    """Answer a question in SQL. docs/batches.md lists tables and views."""
+    """Run an SQL query on the results. docs/batches.md lists tables and views."""
     if json and csv:
         raise PicktreeError("--json and --csv exclude each other")
     from picktree.apps.batch import RESULTS_FILE, Store
@@ -322,7 +324,7 @@ def summary(
     folder: Folder,
     json: Json = False,
 ) -> None:
-    """Success with intervals, picks an hour, causes, and the worst jobs."""
+    """Print success with intervals, picks an hour, causes, and the worst jobs."""
     from picktree.apps.batch import RESULTS_FILE, Store, summarise
 
     with Store(folder / RESULTS_FILE) as store:
@@ -336,10 +338,12 @@ def report(
     output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="HTML file to write.")],
     runs: Annotated[
         int,
-        typer.Option(min=0, help="Of how many of the worst runs a report is made, where their log was kept."),
+        typer.Option(
+            min=0, help="Maximum number of the worst runs that get a report, if their log was kept."
+        ),
     ] = 5,
 ) -> None:
-    """Write the batch as one page: rates with intervals, where the time goes, causes, the worst runs."""
+    """Write the batch as one page: rates with intervals, time by phase, causes, the worst runs."""
     from picktree.apps.batch import write_report
 
     write_report(folder, output, runs)
@@ -367,15 +371,15 @@ def export(
 @batch.command()
 def compare(
     a: Annotated[str, typer.Argument(metavar="A", help="A batch's folder, or FOLDER@RECIPE.")],
-    b: Annotated[str, typer.Argument(metavar="B", help="Another.")],
+    b: Annotated[str, typer.Argument(metavar="B", help="Batch's folder, or FOLDER@RECIPE, to compare with.")],
     partings: Annotated[
-        int, typer.Option(min=0, help="For how many of the seeds that changed sides to tell where they part.")
+        int, typer.Option(min=0, help="Maximum number of changed seeds whose divergence is searched.")
     ] = 3,
     remake: Annotated[
-        bool, typer.Option("--remake", help="Run jobs again for that whose logs were not kept.")
+        bool, typer.Option("--remake", help="Run jobs without a kept log again for that.")
     ] = False,
     unpaired: Annotated[
-        bool, typer.Option("--unpaired", help="As independent runs, though they share seeds.")
+        bool, typer.Option("--unpaired", help="Compare as independent runs, even with shared seeds.")
     ] = False,
     json: Json = False,
 ) -> None:

@@ -303,7 +303,11 @@ class UnlessPipeClosed:
             self._read = False
             discard(self._stream)
             with suppress(OSError):
-                print("nobody reads on; the batch goes on, and Ctrl-C stops it", file=sys.stderr, flush=True)
+                print(
+                    "the reader is gone; the batch continues, and Ctrl-C stops it",
+                    file=sys.stderr,
+                    flush=True,
+                )
 
 
 def discard(stream: TextIO) -> None:

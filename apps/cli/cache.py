@@ -16,7 +16,7 @@ def cache(
     ] = None,
     json: JsonAnswer = False,
 ) -> None:
-    """Say where results are kept from run to run, such as meshes of robots, how many, and their size."""
+    """Print the folder of results that are kept between runs, such as robot meshes, their number and size."""
     from picktree.files import disk_cache
 
     answer = keep_stdout() if json else None

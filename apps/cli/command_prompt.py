@@ -77,11 +77,11 @@ class CommandPrompt:
         word, _, rest = line.lstrip().partition(" ")
         if not rest and not line.endswith(" "):
             return [f"{name} " for name in self._commands if name.startswith(word)]
-        meant = self._meant(word)
-        if len(meant) != 1:
+        commands = self._meant(word)
+        if len(commands) != 1:
             return []
         last = rest.split(" ")[-1]
-        return sorted(text for text in self.arguments(meant[0]) if text.startswith(last))
+        return sorted(text for text in self.arguments(commands[0]) if text.startswith(last))
 
     def arguments(self, command: str) -> Iterable[str]:
         return self._commands if command == "help" else ()
@@ -100,7 +100,8 @@ class CommandPrompt:
         return self._show(lines)
 
     def _named(self, word: str) -> str:
-        """Return the command of a word or its beginning; empty, with a message, when not exactly one fits."""
+        """Return the command of a word or its beginning; empty, with a message, unless exactly one
+        matches."""
         fitting = self._meant(word)
         if len(fitting) == 1:
             return fitting[0]

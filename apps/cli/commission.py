@@ -27,25 +27,23 @@ def calibrate(
     scene: ShippedScene,
     camera: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME", help="Which camera; several times for several.", show_default="all"),
+        typer.Option(metavar="NAME", help="Camera to calibrate; may be repeated.", show_default="all"),
     ] = None,
     tcp: Annotated[bool, typer.Option(help="Find the tool's centre point by touching, too.")] = True,
     target: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Of the scene's targets.", show_default="the only one")
+        str | None, typer.Option(metavar="NAME", help="Target of the scene.", show_default="the only one")
     ] = None,
     at: Annotated[
         str,
         typer.Option(
             metavar="X,Y[,YAW]",
-            help="Where a target is put when the scene has none, as 0.5,0,20deg.",
+            help="Pose of an added target for a scene without one, as 0.5,0,20deg.",
             show_default="in the middle of where items lie",
         ),
     ] = "",
     robot: OtherRobot = None,
     seed: Seed = 0,
-    views: Annotated[
-        int, typer.Option(min=4, max=100, help="Places to look from with a camera on the hand.")
-    ] = 12,
+    views: Annotated[int, typer.Option(min=4, max=100, help="Viewpoints of a camera on the hand.")] = 12,
     output: Annotated[
         Path | None,
         typer.Option(
@@ -56,14 +54,14 @@ def calibrate(
             show_default="SCENE_calibrated.yaml",
         ),
     ] = None,
-    replace: Annotated[bool, typer.Option("--replace", help="Write over a file that exists.")] = False,
+    replace: Annotated[bool, typer.Option("--replace", help="Overwrite an existing file.")] = False,
     out: RunsFolder = None,
     json: JsonAnswer = False,
 ) -> None:
-    """Find out where cameras and tool really are, and write a scene that believes it.
+    """Calibrate the poses of cameras and tool, and write a scene with them.
 
-    The arm takes the camera on the hand around a target and touches the target with closed fingers; cameras
-    that hang still look at it. Items are cleared away for that. Exit code 0: written; 1: it cannot be told.
+    The arm takes the camera on the hand around a target and touches the target with closed fingers; fixed
+    cameras look at it. The items are removed for that. Exit code 0: written; 1: too few observations.
     """
     answer = keep_stdout() if json else None
 
@@ -73,11 +71,11 @@ def calibrate(
     from .progress import run_display
 
     place = parse_place(at) if at else None
-    asked = CalibrationRequest(
+    request = CalibrationRequest(
         scene, tuple(camera or ()), tcp, target, place, robot, seed, views, output, replace, out
     )
     with run_display() as view:
-        found = calibrated(asked, (view,))
+        found = calibrated(request, (view,))
     print_answer(answer, lambda: found.to_text(program()), found.to_json_text)
     end_with(found.output is not None, found.status)
 
@@ -99,31 +97,35 @@ def plan(
         ),
     ] = "home",
     robot: OtherRobot = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of what is spawned, and of the planner.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the spawned items and of the planner.")] = 0,
     upright: Annotated[
-        str, typer.Option(metavar="TILT", help="Keep the tool looking down within this, as 10deg.")
+        str, typer.Option(metavar="TILT", help="Maximum tilt of a tool that points down, as 10deg.")
     ] = "",
-    line: Annotated[bool, typer.Option("--line", help="The tool straight to the goal.")] = False,
+    line: Annotated[bool, typer.Option("--line", help="Move the tool straight to the goal.")] = False,
     clearance: Annotated[
-        str, typer.Option(metavar="LENGTH", help="To keep beyond the usual margins, as 20mm.")
+        str, typer.Option(metavar="LENGTH", help="Addition to the usual collision margins, as 20mm.")
     ] = "",
     budget: Annotated[
-        int | None, typer.Option(min=1, metavar="N", help="Collision checks.", show_default="20000")
+        int | None,
+        typer.Option(min=1, metavar="N", help="Maximum number of collision checks.", show_default="20000"),
     ] = None,
     planner: Annotated[
-        str, typer.Option(metavar="NAME", help="As rrt_connect, bit_star, aorrtc; a wrong name lists all.")
+        str,
+        typer.Option(
+            metavar="NAME", help="Planner, as rrt_connect, bit_star, aorrtc; a wrong name lists all."
+        ),
     ] = "",
     verify: Annotated[
-        bool, typer.Option("--verify", help="Judge the trajectory by a second collision checker.")
+        bool, typer.Option("--verify", help="Check the trajectory with a second collision checker.")
     ] = False,
     picture: Annotated[Path | None, typer.Option(metavar="PNG", help="Draw the plan or the failure.")] = None,
     view: Annotated[
-        str, typer.Option(metavar="VIEW", help="Of the picture; as in picktree snapshot.")
+        str, typer.Option(metavar="VIEW", help="View of the picture, as in picktree snapshot.")
     ] = "corner",
-    size: Annotated[str, typer.Option(metavar="WxH", help="Of the picture, in pixels.")] = "1280x800",
+    size: Annotated[str, typer.Option(metavar="WxH", help="Size of the picture, in pixels.")] = "1280x800",
     json: JsonAnswer = False,
 ) -> None:
-    """Plan a motion in a scene, without a mission. Exit code 0: there is a plan; 1: there is none.
+    """Plan a motion in a scene, without a mission. Exit code 0: there is a plan; 1: no plan.
 
     The robot believes exactly what the scene spawns by that seed. Objects are named as perception names them:
     colour, kind and a number, as red_block_1; a goal that does not exist lists all.
@@ -171,22 +173,24 @@ def new(
         str | None, typer.Option(metavar="LINK", help="Link of the arm on which --gripper is mounted.")
     ] = None,
     base: Annotated[
-        str | None, typer.Option(metavar="LINK", help="Where the arm begins; what is before it stands still.")
+        str | None, typer.Option(metavar="LINK", help="First link of the arm; links before it do not move.")
     ] = None,
     tip: Annotated[
-        str | None, typer.Option(metavar="LINK", help="Where the arm ends, of several that there are.")
+        str | None, typer.Option(metavar="LINK", help="Last link of the arm, if there are several.")
     ] = None,
     picture: RobotPicture = None,
-    samples: Annotated[int, typer.Option(min=100, max=1_000_000, help="For the self-collisions.")] = 10_000,
+    samples: Annotated[
+        int, typer.Option(min=100, max=1_000_000, help="Samples of self-collisions.")
+    ] = 10_000,
     seed: Seed = 0,
-    force: Annotated[bool, typer.Option("--force", help="Write over a file that is there.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
     test: Annotated[bool, typer.Option(help="Test the robot in physics, as picktree robot test.")] = True,
     page: RobotTestPage = None,
     json: JsonResult = False,
 ) -> None:
     """Propose a robot file for a URDF: joints and limits, gripper and TCP, poses, self-collisions.
 
-    It ends with a self-test in physics. The file is written whatever the test says.
+    It ends with a self-test in physics. The file is written with any result of the test.
     """
     answer = keep_stdout() if json else None
     from picktree.analysis.render import draw_robot
@@ -224,8 +228,8 @@ def test(
     """Test a robot in physics: its model, motions, gripper, and three grasps.
 
     The tests: masses, limits, home, fingers, tool frame; effort at rest, tracking, braking, a soft retreat,
-    the gripper, the camera's view. Then a block, a can and a flat plate are grasped.
-    What fails says what to change in which file. Exit code 0: all tests are passed; 1: one failed.
+    the gripper, the camera's view. Then a block, a can and a flat plate are grasped. A failed test names the
+    change and the file. Exit code 0: all tests are passed; 1: one failed.
     """
     answer = keep_stdout() if json else None
     result = _tested(name, page)
@@ -234,7 +238,7 @@ def test(
 
 
 def _tested(name: str, page: Path | None) -> RobotTestResult:
-    """Test a robot, and write the page where one is wanted."""
+    """Test a robot, and write the page if requested."""
     from picktree.apps.commissioning import test_robot
     from picktree.world.robot_model import load_robot
 
@@ -250,7 +254,7 @@ def show(
     picture: RobotPicture = None,
     json: JsonResult = False,
 ) -> None:
-    """Tell what a robot file says: joints, gripper, poses, pairs of links that are not checked."""
+    """Show a robot file: joints, gripper, poses, pairs of links without a collision check."""
     answer = keep_stdout() if json else None
     from dataclasses import replace
 

@@ -25,7 +25,9 @@ def convert(
     ],
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", metavar="OUT", help="Where the other form goes.", show_default="stdout"),
+        typer.Option(
+            "--out", "-o", metavar="OUT", help="File or folder for the converted form.", show_default="stdout"
+        ),
     ] = None,
     stubs: Annotated[
         Path | None,
@@ -44,7 +46,7 @@ def convert(
         list[str] | None, typer.Option(metavar="NAME=NUMBER", help="Name of a number in the XML's scripts.")
     ] = None,
     strict: Annotated[
-        bool, typer.Option("--strict", help="Refuse XML with anything that has no meaning for a run.")
+        bool, typer.Option("--strict", help="Refuse XML with content without a meaning for a run.")
     ] = False,
 ) -> None:
     """Turn a mission into XML of BehaviorTree.CPP 4 and Groot2, and such XML into a mission."""
@@ -55,15 +57,15 @@ def convert(
         if len(files) > 1:
             raise PicktreeError("stdin (-) is read alone, without other files")
         stdin = Path("<stdin>")
-        given = [
+        values = [
             XmlText(file_text.decoded(sys.stdin.buffer.read(file_text.MAX_BYTES + 1), str(stdin)), stdin)
         ]
     else:
-        given = read_files([Path(name) if Path(name).is_dir() else mission_file(name) for name in files])
-    sources = [file.path for file in given if file.path.exists()]
+        values = read_files([Path(name) if Path(name).is_dir() else mission_file(name) for name in files])
+    sources = [file.path for file in values if file.path.exists()]
     if out is not None and out.exists() and any(map(out.samefile, sources)):
         raise PicktreeError(f"{out} is the file that is read; give another one with -o")
-    folder = out.parent if out is not None else given[0].path.parent
+    folder = out.parent if out is not None else values[0].path.parent
     options = ImportOptions(
         strict=strict,
         main=main,
@@ -74,7 +76,7 @@ def convert(
     )
     if stubs is not None and stubs.exists():
         raise PicktreeError(f"{stubs} is there already; move it away, or use it with --plugin {stubs}")
-    converted = convert_all(given, options)
+    converted = convert_all(values, options)
     print_warnings(converted.notes)
     if stubs is not None and converted.stubs:
         _write(stubs, converted.stubs)

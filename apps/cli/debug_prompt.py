@@ -146,15 +146,13 @@ class DebugPrompt(CommandPrompt):
         self._debugger: Debugger | None = None
         self.offer(
             Command("tree [PATH]", "the nodes with their statuses; PATH: those below it", self._show_tree),
-            Command("where", "the nodes from the root to where the run stands", self._show_where),
+            Command("where", "the nodes from the root to the stopped one", self._show_where),
             Command("node [PATH]", "a node: its ports, status, failure", self._show_node),
             Command(
                 "blackboard [KEY]", "the keys that contain KEY, with their values", self._show_blackboard
             ),
             Command("belief [ID]", "the objects that the robot believes in", self._show_belief),
-            Command(
-                "print EXPRESSION", "its value, as a node sees it where the run stands", self._print, "p"
-            ),
+            Command("print EXPRESSION", "its value, as the stopped node reads it", self._print, "p"),
             Command(
                 "set KEY = VALUE",
                 "change a blackboard entry: a value as in a mission, or {= expression}",
@@ -173,7 +171,7 @@ class DebugPrompt(CommandPrompt):
         self._debugger, self._stop = debugger, stop
         self._say(place(debugger.tree, stop))
         if not self.converse():
-            self._say("the input ends here: the run goes on without another stop")
+            self._say("the input ends here: the run continues without another stop")
             debugger.turn_off()
 
     def arguments(self, command: str) -> Iterable[str]:

@@ -37,14 +37,14 @@ from picktree.trees.loading import NodeRegistry
 
 from .file_schemas import CHECKS, file_schema
 
-QUIET: Final = 0.1
+CHECK_DELAY: Final = 0.1
 """Time without a further edit after which a text is checked, s."""
 IDLE: Final = 0.3
 """Time after the errors of a large text until it is checked with the linter, s."""
 LARGE: Final = 15_000
 """Number of characters from which the errors of a mission are shown before the linter has looked at it."""
 _SUFFIXES: Final = (".yaml", ".yml")
-_MOST_FILES: Final = 500
+_MAX_SEARCHED_FILES: Final = 500
 """Number of files of a folder in which uses of a sub-tree are looked for."""
 _SOURCE: Final = "picktree"
 _KINDS: Mapping[ProposalKind, types.CompletionItemKind] = {
@@ -91,7 +91,7 @@ class Session:
     def missions_with(self, word: str, folder: Path) -> list[OpenFile]:
         """Return the open missions, and those in a folder, whose texts contain a word."""
         texts = {path: text for path, text in self._unsaved().items() if path.suffix in _SUFFIXES}
-        for path in sorted(folder.glob("*.y*ml"))[:_MOST_FILES]:
+        for path in sorted(folder.glob("*.y*ml"))[:_MAX_SEARCHED_FILES]:
             if path not in texts and path.suffix in _SUFFIXES:
                 with suppress(PicktreeError):
                     texts[path] = file_text.read_text(path)
@@ -135,7 +135,7 @@ class Session:
     # Diagnostics.
 
     def changed(self, uri: str) -> None:
-        """Check a file soon, and the open files that name it: it may be a part of them."""
+        """Schedule a check of a file and of the open files that name it: it may be a part of them."""
         self.check_soon(uri)
         name = _path(uri).name
         for other, document in self._server.workspace.text_documents.items():
@@ -144,14 +144,14 @@ class Session:
 
     def check_soon(self, uri: str) -> None:
         large = len(self.document(uri).source) > LARGE
-        self._later(QUIET, self._check_for_errors if large else self.check, uri)
+        self._later(CHECK_DELAY, self._check_for_errors if large else self.check, uri)
 
     def _later(self, pause: float, action: Callable[[str], None], uri: str) -> None:
         self._forget(uri)
         self._due[uri] = asyncio.get_running_loop().call_later(pause, action, uri)
 
     def _check_for_errors(self, uri: str) -> None:
-        """Show the errors with the warnings that were there, and check with the linter when all is quiet."""
+        """Show the errors with the former warnings, and run the linter after a pause in the edits."""
         found = [each for each in self._found(uri, linted=False) if each.severity == _Severity.Error]
         self._publish(uri, found if found else self._warnings.get(uri, []))
         self._later(IDLE, self.check, uri)
@@ -241,7 +241,7 @@ def serve(source: BinaryIO, target: BinaryIO, version: str) -> None:
 
 
 def _offer_checks(server: LanguageServer, session: Session) -> None:
-    """Check a document while it is edited, and offer what mends it."""
+    """Register the checks of edited documents, and their quick fixes."""
 
     @server.feature(types.TEXT_DOCUMENT_DID_OPEN)
     def opened(params: types.DidOpenTextDocumentParams) -> None:
@@ -270,7 +270,7 @@ def _offer_checks(server: LanguageServer, session: Session) -> None:
 
 
 def _offer_completion(server: LanguageServer, session: Session) -> None:
-    """Complete what is typed, and explain what is pointed at."""
+    """Register completion and hover."""
 
     @server.feature(
         types.TEXT_DOCUMENT_COMPLETION,
@@ -305,7 +305,7 @@ def _offer_completion(server: LanguageServer, session: Session) -> None:
 
 
 def _offer_names(server: LanguageServer, session: Session) -> None:
-    """Find, list and rename what has a name."""
+    """Register definition, references, symbols and rename."""
 
     @server.feature(types.TEXT_DOCUMENT_DEFINITION)
     def definition(params: types.DefinitionParams) -> types.Location | None:

@@ -38,7 +38,7 @@ class StarterFile:
 class StarterFiles:
     """Files of a starter in reading order, and the commands to type next.
 
-    In a command `{.}` stands for the folder, `{}` for the path into it, MISSION for a mission of the user.
+    In a command `{.}` means the folder, `{}` the path into it, MISSION a mission of the user.
     """
 
     parts: tuple[StarterFile, ...]
@@ -89,8 +89,8 @@ STARTERS: Final[Mapping[StartKind, StarterFiles]] = {
 def write_start(kind: StartKind, folder: Path) -> tuple[StarterFile, ...]:
     """Write the files of a starter into the folder, which is created if missing; return those written.
 
-    Existing schemas stay as they are. Raises PicktreeError, without writing anything, when another file
-    exists already or one cannot be written.
+    Existing schemas are not changed. Raises PicktreeError, without writing anything, when another file exists
+    already or one cannot be written.
     """
     for part in STARTERS[kind].parts:
         if not part.made and os.path.lexists(folder / part.name):
@@ -146,8 +146,8 @@ def _mission_schema(kind: StartKind) -> str:
 
 
 def new(
-    kind: Annotated[Literal["mission", "scene", "plugin"], typer.Argument(help="What is begun.")],
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where; made where there is none.")],
+    kind: Annotated[Literal["mission", "scene", "plugin"], typer.Argument(help="Kind of the starter.")],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder; created if missing.")],
 ) -> None:
     """Write a commented start that passes all checks: a mission, a scene, or a skill of one's own."""
     written = write_start(kind, folder)

@@ -48,20 +48,21 @@ Log: TypeAlias = Annotated[
 ]
 ShippedScene: TypeAlias = Annotated[str, typer.Option(metavar="SCENE", help="Shipped scene or scene file.")]
 OtherRobot: TypeAlias = Annotated[
-    str | None, typer.Option(metavar="ROBOT", help="Shipped robot or robot file, for the scene's own.")
+    str | None,
+    typer.Option(metavar="ROBOT", help="Shipped robot or robot file that replaces the scene's own."),
 ]
-Seed: TypeAlias = Annotated[int, typer.Option(min=0, help="Of everything random.")]
+Seed: TypeAlias = Annotated[int, typer.Option(min=0, help="Seed of all random numbers.")]
 Backend: TypeAlias = Annotated[
     Literal["physics", "kinematic"], typer.Option(help="kinematic: objects follow the gripper.")
 ]
 Verify: TypeAlias = Annotated[
-    bool, typer.Option("--verify", help="Judge every trajectory by a second collision checker.")
+    bool, typer.Option("--verify", help="Check every trajectory with a second collision checker.")
 ]
 OtherSettings: TypeAlias = Annotated[
     list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Other parameter of the mission.")
 ]
 RunsFolder: TypeAlias = Annotated[
-    Path | None, typer.Option(metavar="DIR", help="Where the run's folder is made.", show_default="runs")
+    Path | None, typer.Option(metavar="DIR", help="Folder for the run's folder.", show_default="runs")
 ]
 View: TypeAlias = Annotated[
     str,
@@ -72,7 +73,7 @@ View: TypeAlias = Annotated[
 ]
 Show: TypeAlias = Annotated[
     Literal["belief", "truth", "both"],
-    typer.Option(help="What the robot believes, what is true, or both: the truth as outlines."),
+    typer.Option(help="Belief of the robot, ground truth, or both: the truth as outlines."),
 ]
 RobotPicture: TypeAlias = Annotated[
     Path | None, typer.Option(metavar="PNG", help="Draw the robot at home, with its frames.")
@@ -82,7 +83,7 @@ RobotTestPage: TypeAlias = Annotated[
 ]
 TextFile: TypeAlias = Annotated[
     Path | None,
-    typer.Option("-o", "--output", metavar="FILE", help="Write it there instead of to stdout."),
+    typer.Option("-o", "--output", metavar="FILE", help="File to write instead of stdout."),
 ]
 JunitFile: TypeAlias = Annotated[
     Path | None, typer.Option(metavar="FILE", help="Write the results as JUnit XML, too.")

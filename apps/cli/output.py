@@ -58,7 +58,7 @@ def end_with(good: bool, status: str = "") -> None:
 
 
 class StatusLine:
-    """Line on the terminal behind stderr that is written over; nothing elsewhere.
+    """Line on the terminal of stderr that is overwritten; nothing elsewhere.
 
     With `PICKTREE_STATUS` in the environment it is written into a file, too, for a program that reads it.
     """
@@ -78,7 +78,8 @@ class StatusLine:
 
 
 def require_place(output: Path | None) -> None:
-    """Raise PicktreeError when a file cannot be made there: a long run would end without it."""
+    """Raise PicktreeError when a file cannot be created there, before a long run that would end without
+    it."""
     from picktree.files import PicktreeError
 
     if output is not None and output.is_dir():

@@ -60,7 +60,7 @@ class LinesDisplay(RunDisplay):
     def edited(self, run: Execution) -> None:
         self._leaves = run.tree.leaves
 
-    def told(self, now: float, text: str) -> None:
+    def notified(self, now: float, text: str) -> None:
         self._say(now, text)
 
     def ticked(self, now: float, report: Tick, items_done: int, items_total: int) -> None:
@@ -125,7 +125,7 @@ class LiveDisplay(RunDisplay):
     def edited(self, run: Execution) -> None:
         self._structure = run.tree.structure()
 
-    def told(self, now: float, text: str) -> None:
+    def notified(self, now: float, text: str) -> None:
         self._live.console.print(f"{now:8.2f} s  {text}", markup=False, soft_wrap=True)
 
     def finished(self, result: RunResult) -> None:
@@ -157,8 +157,8 @@ _TERMINAL_VARIABLES = ("FORCE_COLOR", "TTY_COMPATIBLE", "TTY_INTERACTIVE")
 
 def node_states(structure: Sequence[TreeNode], states: Sequence[NodeState]) -> list[NodeRow]:
     """Return the rows of a tree's nodes with their states after a tick."""
-    said = {node.path: (node.status, status_text(node.cause, node.message)) for node in states}
-    return [NodeRow(info.path, info.name, info.id, *said[info.path]) for info in structure]
+    reports = {node.path: (node.status, status_text(node.cause, node.message)) for node in states}
+    return [NodeRow(info.path, info.name, info.id, *reports[info.path]) for info in structure]
 
 
 def deepest_running(nodes: Sequence[NodeState]) -> str:
@@ -190,15 +190,15 @@ class PersonAtTerminal(Interrupter):
             while True:
                 print("(answer) ", end="", file=self._out, flush=True)
                 try:
-                    said = self._read()
+                    line = self._read()
                 except EOFError:
                     self._say("")
                     return None
-                choice = question.choice(said)
+                choice = question.choice(line)
                 if choice is not None:
                     return choice
-                if said.strip():
-                    self._say(f"{said.strip()!r} is none of them: write a number or the beginning of one")
+                if line.strip():
+                    self._say(f"{line.strip()!r} is not among them: write a number or the beginning of one")
 
     def _say(self, *lines: str) -> None:
         for line in lines:

@@ -51,7 +51,7 @@ class ReplayStepper(CommandPrompt):
         return self._run.ticks.times[self._number]
 
     def show_here(self) -> bool:
-        """Show the tick: its place, the running nodes, the last events."""
+        """Show the tick: its number and time, the running nodes, the last events."""
         tick = self._run.ticks[self._number].record
         self._say(f"{self._time:.2f} s, tick {self._number} of 0 … {len(self._run.ticks) - 1}")
         changed = {edge.path for edge in tick.edges}

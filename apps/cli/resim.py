@@ -17,30 +17,33 @@ def whatif(
     log: Log,
     at: Annotated[
         str,
-        typer.Option(metavar="TICK", help="It goes on from the last checkpoint by then: 412 or 20.6s."),
+        typer.Option(
+            metavar="TICK",
+            help="Tick or time: 412 or 20.6s. The run resumes from the last checkpoint before it.",
+        ),
     ],
     mission: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", help="The mission from there on.", show_default="the same", parser=mission_file
+            metavar="FILE", help="Mission of the resumed run.", show_default="the same", parser=mission_file
         ),
     ] = None,
     set_: OtherSettings = None,
     faults: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", help="Faults from there on.", show_default="the same", parser=faults_file
+            metavar="FILE", help="Faults of the resumed run.", show_default="the same", parser=faults_file
         ),
     ] = None,
-    no_faults: Annotated[bool, typer.Option("--no-faults", help="No faults from there on.")] = False,
+    no_faults: Annotated[bool, typer.Option("--no-faults", help="Resume without faults.")] = False,
     out: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Where the new run's folder is made.", show_default="runs"),
+        typer.Option(metavar="DIR", help="Folder for the new run's folder.", show_default="runs"),
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print both outcomes as one JSON object.")] = False,
 ) -> None:
-    """Let a recorded run go on from a checkpoint with something changed, and compare. Exit code 0: the goal
-    is reached; 1: it is missed."""
+    """Resume a recorded run from a checkpoint with changes, and compare. Exit code 0: the goal is reached; 1:
+    it is missed."""
     answer = keep_stdout() if json else None
     settings = parse_parameters(set_ or ())
     from picktree.files import PicktreeError
@@ -68,7 +71,7 @@ def resim(
     ] = None,
     mission: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Another mission, for the recorded one.", parser=mission_file),
+        typer.Option(metavar="FILE", help="Mission that replaces the recorded one.", parser=mission_file),
     ] = None,
     set_: OtherSettings = None,
     scene: Annotated[str | None, typer.Option(metavar="SCENE", help="Another scene.")] = None,
@@ -122,8 +125,8 @@ def _job_again(where: str, out: Path | None, answer: TextIO | None, *, alone: bo
 
     if not alone:
         raise PicktreeError(
-            f"a job of a batch is run again as it was: for changes, first have its log by resim {where}, "
-            "then give that log"
+            "a job of a batch is run again without changes: for changes, first get its log by "
+            f"resim {where}, then give that log"
         )
     with StatusLine() as line:
         line.say("running it again")

@@ -43,7 +43,8 @@ MissionFile: TypeAlias = Annotated[
     ),
 ]
 OtherScene: TypeAlias = Annotated[
-    str | None, typer.Option(metavar="SCENE", help="Shipped scene or scene file, for the mission's own.")
+    str | None,
+    typer.Option(metavar="SCENE", help="Shipped scene or scene file that replaces the mission's own."),
 ]
 Settings: TypeAlias = Annotated[
     list[str] | None,
@@ -67,30 +68,33 @@ TimeLimit: TypeAlias = Annotated[
     ),
 ]
 RotateMegabytes: TypeAlias = Annotated[
-    float, typer.Option(min=0.0, metavar="MB", help="Go on in a further file of the log at this size.")
+    float, typer.Option(min=0.0, metavar="MB", help="Size at which the log continues in a further file.")
 ]
 RotateMinutes: TypeAlias = Annotated[
-    float, typer.Option(min=0.0, metavar="MIN", help="The same after so many simulated minutes.")
+    float,
+    typer.Option(
+        min=0.0, metavar="MIN", help="Simulated minutes after which the log continues in a further file."
+    ),
 ]
 Live: TypeAlias = Annotated[
     bool, typer.Option("--live", help="Serve the log as it grows to Foxglove or Lichtblick, on this machine.")
 ]
 LivePort: TypeAlias = Annotated[
-    int, typer.Option(min=0, max=65535, metavar="PORT", help="Of --live; 0: any that is free.")
+    int, typer.Option(min=0, max=65535, metavar="PORT", help="Port of --live; 0: any free port.")
 ]
 Pace: TypeAlias = Annotated[
     float | None,
-    typer.Option(metavar="FACTOR", help="Simulated time no faster than so many times the clock's."),
+    typer.Option(metavar="FACTOR", help="Maximum ratio of simulated time to wall time."),
 ]
 ResumedLog: TypeAlias = Annotated[
     str | None,
-    typer.Option(metavar="LOG", help="Go on with this run: a log file, a run's folder, or 'last'."),
+    typer.Option(metavar="LOG", help="Run to resume: a log file, a run's folder, or 'last'."),
 ]
 AsItStands: TypeAlias = Annotated[
     bool,
     typer.Option(
         "--as-it-stands",
-        help="With --resume: as things stood last, knowing what was known at the checkpoint; look first.",
+        help="With --resume: from the simulation's last state, with the checkpoint's knowledge; look first.",
     ),
 ]
 Wait: TypeAlias = Annotated[
@@ -105,14 +109,14 @@ ProfileFile: TypeAlias = Annotated[
 ]
 Answers: TypeAlias = Annotated[
     list[str] | None,
-    typer.Option("--answer", metavar="TEXT", help="What is answered when the mission asks for help."),
+    typer.Option("--answer", metavar="TEXT", help="Answer when the mission asks for help."),
 ]
 
 HELP_GROUPS: HelpGroups = {
-    "What is run": ("scene", "robot", "seed", "set_", "faults", "backend", "verify"),
-    "How long, and where it is recorded": ("limit", "out", "rotate_mb", "rotate_minutes"),
+    "Mission and scene": ("scene", "robot", "seed", "set_", "faults", "backend", "verify"),
+    "Time limit and log": ("limit", "out", "rotate_mb", "rotate_minutes"),
     "Watching and steering": ("debug", "watch", "live", "live_port", "pace", "answers", "wait"),
-    "Going on with a run": ("resume", "as_it_stands"),
+    "Resuming a run": ("resume", "as_it_stands"),
     "Output": ("profile", "json"),
 }
 
@@ -143,8 +147,8 @@ def run(
     profile: ProfileFile = None,
     json: JsonResult = False,
 ) -> None:
-    """Run a mission in simulation, or go on with a run that did not come to its end. Exit code 0: the goal is
-    reached; 1: it is missed, or the run is paused because the mission asks for help."""
+    """Run a mission in simulation, or resume an unfinished run. Exit code 0: the goal is reached; 1: it is
+    missed, or the run is paused because the mission asks for help."""
     refuse_contradictions(context)
     answer = keep_stdout() if json else None
     parameters = parse_parameters(set_ or ())
@@ -210,7 +214,7 @@ def _resumed_run(
 
     request = ResumeRequest(log, out, limit, rotation, as_it_stands, tuple(answers))
     with Resumption(request) as resumption:
-        print(resumption.told, file=sys.stderr, flush=True)
+        print(resumption.description, file=sys.stderr, flush=True)
         yield resumption.session
 
 
@@ -220,7 +224,7 @@ class _Watchers:
 
     debug: bool
     live_port: int | None
-    """Port of the live view; None: there is none."""
+    """Port of the live view; None: no live view."""
     pacer: WallClockPacer | None
     """Upper bound of simulated seconds per wall second; None: as fast as possible."""
     wait: bool
@@ -292,7 +296,7 @@ def refuse_contradictions(context: typer.Context) -> None:
     """
     if context.params["resume"] is None:
         if context.params["as_it_stands"]:
-            raise PicktreeError("--as-it-stands is said of a run that goes on: give --resume LOG, too")
+            raise PicktreeError("--as-it-stands needs a run to resume: give --resume LOG, too")
         if context.params["mission"] is None:
             context.fail("Missing argument 'MISSION'.")
         return
@@ -302,7 +306,7 @@ def refuse_contradictions(context: typer.Context) -> None:
             shown = "MISSION" if name == "mission" else f"--{name.rstrip('_')}"
             raise PicktreeError(
                 f"--resume and {shown} exclude each other: mission, scene, robot, seed, parameters, faults "
-                "and backend are those of the run that goes on (`picktree whatif` changes some of them)"
+                "and backend are those of the resumed run (`picktree whatif` changes some of them)"
             )
 
 
@@ -313,7 +317,7 @@ def _rotation(megabytes: float, minutes: float) -> log_files.Rotation:
 
 
 def new_profile(file: Path) -> Profile:
-    """Return a profile that measures nothing yet. Raises PicktreeError when its file cannot be written."""
+    """Return an empty profile. Raises PicktreeError when its file cannot be written."""
     import cProfile
 
     folder = file.absolute().parent
@@ -343,7 +347,7 @@ def write_profile(functions: Profile, file: Path, stream: TextIO) -> None:
 
 
 def parse_parameters(settings: list[str] | tuple[str, ...]) -> dict[str, str]:
-    """`["a=1"]` → `{"a": "1"}`. Raises PicktreeError for one without a name or given twice.
+    """Return `{"a": "1"}` for `["a=1"]`. Raises PicktreeError for a missing or repeated name.
 
     >>> parse_parameters(["colour=red", "rule=a=b"])
     {'colour': 'red', 'rule': 'a=b'}
@@ -371,7 +375,7 @@ def _pacer(factor: float) -> WallClockPacer:
 
 
 def parse_limit(text: str) -> float:
-    """Simulated s. Raises PicktreeError for what is no time, or none at all.
+    """Return a limit in simulated s. Raises PicktreeError for a text that is no time, or for no limit at all.
 
     >>> parse_limit("90 min")
     5400.0

@@ -24,7 +24,7 @@ STYLED_STATUS_MARKS = {
 
 @dataclass(frozen=True, slots=True)
 class NodeRow:
-    """Node of a tree with its status and what it says."""
+    """Node of a tree with its status and message."""
 
     path: str
     name: str
@@ -38,8 +38,8 @@ class NodeRow:
 def tree_rows(nodes: Sequence[NodeRow], room: int, also: Collection[str] = ()) -> list[Text]:
     """Return a row for each node that runs or has a running parent, and for the paths `also`.
 
-    At most `room` rows are kept: those nearest to the last node of `also` that failed, and those above it;
-    without such a node the running ones, and those nearest to the last of them.
+    At most `room` rows are kept: those nearest to the last failed node of `also`, and its ancestors. Without
+    such a node they are the running ones, and those nearest to the last of them.
     """
     running = {node.path for node in nodes if node.status == "RUNNING"}
     shown = [node for node in nodes if node.path in also or {node.path, _above(node.path)} & {*running, ""}]
@@ -68,7 +68,7 @@ def _row(node: NodeRow) -> Text:
 
 
 def status_text(cause: object, message: str) -> str:
-    """Return what a node says of its status: cause and message, or the message alone."""
+    """Return the text of a node's status: cause and message, or the message alone."""
     return f"{cause}: {message}" if cause else message
 
 
@@ -79,15 +79,15 @@ def tree_lines(nodes: Iterable[NodeRow], top: str = "", marked: str = "") -> Ite
         if not top or node.path == top or node.path.startswith(f"{top}/"):
             name = node.name if node.name.split("#")[0] == node.id else f"{node.id} {node.name}"
             margin = ("→ " if node.path == marked else "  ") + "  " * (node.path.count("/") - indent)
-            said = f"  {node.message}" if node.message else ""
-            yield f"{margin}{STYLED_STATUS_MARKS[node.status][0]} {name}{said}"
+            message = f"  {node.message}" if node.message else ""
+            yield f"{margin}{STYLED_STATUS_MARKS[node.status][0]} {name}{message}"
 
 
 def where_lines(nodes: Iterable[NodeRow], end: str) -> Iterator[str]:
     for node in nodes:
         if node.path == end or end.startswith(f"{node.path}/"):
-            said = f": {node.message}" if node.message else ""
-            yield f"{STYLED_STATUS_MARKS[node.status][0]} {node.path} is {node.status}{said}"
+            message = f": {node.message}" if node.message else ""
+            yield f"{STYLED_STATUS_MARKS[node.status][0]} {node.path} is {node.status}{message}"
 
 
 def failure_lines(origin: str, cause: object, message: str, evidence: Mapping[str, object]) -> Iterator[str]:

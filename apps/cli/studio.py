@@ -19,7 +19,7 @@ def studio(
     ] = None,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the link.")] = True,
 ) -> None:
-    """Show a folder's runs in the browser, on this machine alone. Ctrl-C ends it; runs go on.
+    """Show a folder's runs in the browser, on this machine alone. Ctrl-C ends it; runs continue.
 
     Without a browser, or with --no-browser, open the link that is printed.
     """

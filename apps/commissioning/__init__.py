@@ -1,4 +1,4 @@
-"""Setting up a cell: robot files from URDFs, calibration, plans tried in a scene."""
+"""Commissioning of a cell: robot files from URDFs, calibration, trial plans in a scene."""
 
 import lazy_loader
 

@@ -80,7 +80,7 @@ IK_SEED_COUNT = 4
 
 
 OBSERVE_ROTATION = np.pi / 2
-"""Rotation of the first joint that moves the arm out of a camera's view of the table, rad."""
+"""Rotation of the first joint that turns the arm out of a camera's view of the table, rad."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,12 +142,12 @@ def propose_poses(model: RobotModel, space: SpaceOverTable, seed: int = 0) -> tu
 
 
 def _hides(model: RobotModel, q: Array) -> bool:
-    """Return whether the arm at q hides too much of the scene's items from a camera."""
+    """Whether the arm at q hides too much of the scene's items from a camera."""
     return max(hidden_shares(model, scene(), q).values(), default=0.0) > MAX_HIDDEN_SHARE
 
 
 def _in_workspace(model: RobotModel, q: Array) -> bool:
-    """Return whether the tool at q is inside of the scene's workspace."""
+    """Whether the tool at q is inside of the scene's workspace."""
     return workspace_excess(scene().limits.workspace, model.tcp(q).position, WORKSPACE_SPARE) is None
 
 
@@ -230,7 +230,7 @@ class _Search:
     def _detours(self, q: Array) -> float:
         """Return the share of items and bins of the scene that the arm reaches in another posture than at q.
 
-        What is out of reach counts, too. The first and the last joint turn hand and arm, and may turn freely.
+        Places out of reach count, too. The first and the last joint turn hand and arm, and may turn freely.
         """
         axis = self._foot.position
         here = np.array(self._model.tcp(q).position)

@@ -20,7 +20,7 @@ from .link_geometry import LinkGeometry
 SCENE = "sort_small"
 """Scene whose items and bins the arm is to reach, and in whose workspace its poses are."""
 HEIGHTS_OVER_TABLE, HEIGHT_OVER_BIN = (0.02, 0.12), 0.10
-"""Heights of the tool at an item and before it, over the table, and where it lets go, over the rim, m."""
+"""Heights of the tool over the table at an item and before it, and over the rim at the release, m."""
 YAWS = (0.0, np.pi / 4, np.pi / 2, 3 * np.pi / 4)
 """Directions of the fingers that are tried, rad."""
 STEPS_ALONG = tuple((0.05 * np.arange(-6, 7)).round(2).tolist())
@@ -53,7 +53,7 @@ class BaseProposal:
 
     @property
     def sentence(self) -> str:
-        """Sentence on what the tool reaches from there."""
+        """Sentence on the places that the tool reaches from there."""
         reached = f"{self.count - len(self.missed)} of {self.count} places of items and bins in {SCENE}"
         reached = reached if self.missed else f"items and bins of {SCENE}"
         return f"from there the tool, pointing down, reaches {reached}"
@@ -66,7 +66,7 @@ def scene() -> SceneDescription:
 
 @cache
 def places() -> tuple[TargetPlace, ...]:
-    """Return the places that the tool has to reach in the scene: over the items' area, and over each bin."""
+    """Return the places that the tool has to reach in the scene: over the items' area and over each bin."""
     found: list[TargetPlace] = []
     # What is missed most often comes first: it ends the search at a base early.
     for bin_ in scene().bins:
@@ -129,7 +129,7 @@ class _Reach:
 
 
 def _foot(model: RobotModel, tree: urdf_parser.UrdfTree, solids: Mapping[str, LinkGeometry]) -> Array:
-    """Return points (n, 2) of the links that stand on the table, from above, m in the world."""
+    """Return points (n, 2) of the links on the table, seen from above, m in the world."""
     first = tree.joints[model.description.joints[0]]
     standing = tree.joints_to(first.parent)
     links = {first.child, first.parent, *(tree.joints[name].parent for name in standing)}
@@ -139,7 +139,7 @@ def _foot(model: RobotModel, tree: urdf_parser.UrdfTree, solids: Mapping[str, Li
 
 
 def _stands_free(foot: Array) -> bool:
-    """Return whether the foot's outline keeps away from items and bins."""
+    """Whether the foot's outline keeps away from items and bins."""
     low, high = foot.min(axis=0), foot.max(axis=0)
     taken = [(np.array(spawn.rectangle[0]), np.array(spawn.rectangle[1])) for spawn in scene().spawn]
     for bin_ in scene().bins:

@@ -37,7 +37,7 @@ TARGET_SIZE = (0.18, 0.16, 0.05)
 TARGET_YAW = math.radians(20.0)
 """Rotation of the added target about z, rad: edges along a camera's rows of pixels are measured worst."""
 TARGET_UNCERTAINTY = (0.005, math.radians(2.0))
-"""Uncertainty of the added target's pose, m and rad, within which a person may place it."""
+"""Uncertainty of the added target's pose, m and rad: the accuracy of its placement by hand."""
 DEFAULT_TARGET_DISTANCE = 0.5
 """Distance of the target in front of the origin when no area for items gives a better place, m."""
 
@@ -52,7 +52,7 @@ class TargetPlacement:
 
 
 def parse_place(text: str) -> TargetPlacement:
-    """`0.5,0,20deg`: x and y, and the yaw if need be. Raises PicktreeError.
+    """Parse a placement such as `0.5,0,20deg`: x and y, optionally the yaw. Raises PicktreeError.
 
     >>> parse_place("500 mm,0")
     TargetPlacement(x=0.5, y=0.0, yaw=0.3490658503988659)
@@ -101,7 +101,7 @@ def _middle(scene: SceneDescription) -> TargetPlacement:
 
 
 DECIMAL_DIGITS = 7
-"""Digits after the decimal point: 0.1 µm, 0.1 µrad."""
+"""Number of digits after the decimal point: 0.1 µm, 0.1 µrad."""
 
 
 def output_file(scene: str, wanted: Path | None, *, replace: bool) -> Path:
@@ -227,7 +227,7 @@ class CalibrationAnswer:
     target_off: tuple[float, float] = (0.0, 0.0)
     """Distance and rotation of the target from its believed pose, m, rad."""
     output: Path | None = None
-    """Corrected scene file; None: none was written."""
+    """Corrected scene file; None: no file was written."""
     why_not: str = ""
 
     def to_text(self, program: str = "picktree") -> str:
@@ -287,7 +287,7 @@ def _camera_lines(camera: CameraEstimate) -> list[str]:
 def _tool_lines(tool: ToolEstimate) -> list[str]:
     sigma = ", ".join(f"{1000 * s:.2f}" for s in tool.deviation)
     if not tool.sure:
-        return [f"tool        left as it was: {tool.touches} touches tell it to ± {sigma} mm only"]
+        return [f"tool        not changed: {tool.touches} touches determine it to ± {sigma} mm only"]
     x, y, z = (1000 * c for c in tool.offset)
     return [
         f"tool        was off by x {x:+.2f}, y {y:+.2f}, z {z:+.2f} mm; now known to ± {sigma} mm",
@@ -339,26 +339,28 @@ class CalibrationRequest:
     out: Path | None = None
 
 
-def calibrate(asked: CalibrationRequest, observers: Sequence[Observer] = ()) -> CalibrationAnswer:
+def calibrate(request: CalibrationRequest, observers: Sequence[Observer] = ()) -> CalibrationAnswer:
     """Run the calibration and write the corrected scene.
 
     Raises PicktreeError for an unknown scene, robot, camera or target, and when the file must not be replaced
     or cannot be written. An answer without a file gives the reason.
     """
-    output = output_file(asked.scene, asked.output, replace=asked.replace)
-    scene = calibration_scene(asked.scene, asked.place)
-    target = _target(scene, asked.target)
-    cameras = _cameras(scene, asked.cameras)
-    if not cameras and not asked.touch:
-        raise PicktreeError(f"{asked.scene} has no camera: with --no-tcp there is nothing to calibrate")
-    beside = Path.cwd() if asked.robot else Path(scene.source).parent
-    robot = load_robot(asked.robot or scene.robot, beside)
-    text = mission_text(target.name, cameras, asked.views, touch=asked.touch, all_of_them=not asked.cameras)
+    output = output_file(request.scene, request.output, replace=request.replace)
+    scene = calibration_scene(request.scene, request.place)
+    target = _target(scene, request.target)
+    cameras = _cameras(scene, request.cameras)
+    if not cameras and not request.touch:
+        raise PicktreeError(f"{request.scene} has no camera: with --no-tcp there is nothing to calibrate")
+    beside = Path.cwd() if request.robot else Path(scene.source).parent
+    robot = load_robot(request.robot or scene.robot, beside)
+    text = mission_text(
+        target.name, cameras, request.views, touch=request.touch, all_of_them=not request.cameras
+    )
     mission = parse_mission(text, Path("calibrate.yaml"), NodeRegistry())
-    recipe = run_recipe.Recipe(mission, scene, robot, asked.seed)
-    result = Session(recipe, record=run_recipe.Recording(asked.out), observers=observers).run()
+    recipe = run_recipe.Recipe(mission, scene, robot, request.seed)
+    result = Session(recipe, record=run_recipe.Recording(request.out), observers=observers).run()
     found = _record(result)
-    answer = CalibrationAnswer(asked.scene, asked.seed, result.status, result.folder, found.skipped)
+    answer = CalibrationAnswer(request.scene, request.seed, result.status, result.folder, found.skipped)
     if result.status != "success":
         return replace(answer, why_not=result.message or f"the run ended as {result.status}")
     evidence = observations.CalibrationData(
@@ -371,13 +373,15 @@ def calibrate(asked: CalibrationRequest, observers: Sequence[Observer] = ()) -> 
     except PicktreeError as error:
         return replace(answer, why_not=str(error))
     when = datetime.now().strftime("%Y-%m-%d %H:%M")
-    write(output, asked.scene, asked.robot, scene, known, when, f"picktree calibrate, {result.folder.name}")
+    write(
+        output, request.scene, request.robot, scene, known, when, f"picktree calibrate, {result.folder.name}"
+    )
     target_off = known.target.distance(target.pose), known.target.angle(target.pose)
     return replace(answer, known=known, target_off=target_off, output=output)
 
 
 def mission_text(target: str, cameras: Sequence[str], views: int, *, touch: bool, all_of_them: bool) -> str:
-    """Return the mission that looks and touches. Without `all_of_them` any camera may miss the target."""
+    """Return the mission of looks and touches. Without `all_of_them` any camera may miss the target."""
     lines = ["picktree: 1", "kind: mission", "name: calibrate", 'goal: "total >= 0"', "trees:", "  Main:"]
     lines.append("    Sequence:")
     if touch:

@@ -17,22 +17,22 @@ TABLE = "the table"
 
 
 TABLE_CLEARANCE = 0.01
-"""Least height of what moves above the table, m."""
+"""Least height of moving links above the table, m."""
 
 
 MIN_UPRIGHT_COSINE = 0.99
-"""Least cosine between the vertical and the axis of a first joint whose link stands on the table."""
+"""Least cosine between the vertical and the axis of a first joint whose link is mounted on the table."""
 
 
 EXPLAINED_CONFIGURATIONS = 200
-"""Number of configurations from which a lack of free ones is explained."""
+"""Number of random configurations that explain a lack of free ones."""
 
 
 class SpaceOverTable:
     """Test of configurations of an arm whose table is at z = 0 in the world.
 
-    Links that cannot move against the table, or only turn about the vertical, may touch it: the base stands
-    on it.
+    Links that cannot move against the table, or only turn about the vertical, may touch it: the base is
+    mounted on it.
     """
 
     def __init__(
@@ -45,7 +45,7 @@ class SpaceOverTable:
         self._hulls = {link: solids[link].hull() for link in _moving_links(model, tree) if link in solids}
 
     def free(self, q: Array) -> bool:
-        """Return whether the arm at q touches neither itself nor the table, with open and shut fingers."""
+        """Whether the arm at q touches neither itself nor the table, with open and shut fingers."""
         return self._shut.free(q) and self._opened.free(q) and self._lowest(q)[1] >= TABLE_CLEARANCE
 
     def _lowest(self, q: Array) -> tuple[str, float]:

@@ -18,13 +18,13 @@ from .joints import HandGroup
 from .link_geometry import LinkGeometry, UnsuitableUrdf, finger_box, hand_boxes, inner_box
 
 MAX_SLIDE = 1.0
-"""Greatest range of a finger that slides, m; more looks like millimetres."""
+"""Greatest range of a sliding finger, m; a greater one is probably in millimetres."""
 MIN_PARALLEL_COSINE = np.cos(np.radians(2.0))
 """Least cosine between the axes of two hinges that count as parallel."""
 MIN_SNAP_COSINE = np.cos(np.radians(8.0))
 """Least cosine to an axis of the hand's frame from which a direction is set to that axis."""
 MIN_OUT_SNAP_COSINE = np.cos(np.radians(20.0))
-"""The same for the direction out of the hand, which the middle of a one-sided palm leaves uncertain."""
+"""Least such cosine for the direction out of the hand, which is uncertain for a one-sided palm."""
 MIN_ROLL_COSINE = np.cos(np.radians(45.0))
 """Least cosine between the direction out of a one-sided hand and the arm's last axis from which the direction
 is set to that axis."""
@@ -279,7 +279,7 @@ MAX_GRIP_FORCE, MAX_FINGER_SPEED = 60.0, 0.15
 MIN_GRIP_FORCE, DEFAULT_GRIP_FORCE = 2.0, 20.0
 """Least plausible grip force, N, and the one that replaces a lower one."""
 KNUCKLE_CLEARANCE = 0.002
-"""Least distance between what is held and the knuckles beside it, m: pads yield, and items tilt."""
+"""Least distance between held item and knuckles, m: pads yield, and items tilt."""
 FINGER_BODY_SETBACK = 0.003
 """Distance of the rest of a finger behind the face of its pad, m: the pads alone grip what reaches deep."""
 MIN_FINGER_BODY_SIZE = 0.004
@@ -416,9 +416,9 @@ class GripperMeter:
     ) -> tuple[Pose, str]:
         """Return the TCP in the palm's frame, with a comment.
 
-        `x` is the pads' middle, `furthest` where they end when they reach furthest, `spread` how far they
-        retract, m. A frame of the URDF is used when it stays between the pads at each opening: a tool frame
-        at the tips of closed fingers on hinges is in front of them once they open.
+        `x` is the pads' middle, `furthest` their end at the furthest reach, `spread` their retraction, m. A
+        frame of the URDF is used when it stays between the pads at each opening: a tool frame at the tips of
+        closed fingers on hinges is in front of them once they open.
         """
         low = (
             max(float(near.low[2]), float(far.low[2]))
@@ -462,7 +462,7 @@ class GripperMeter:
         reach = max(tips) - float(shift[2])
         sliders = self._sliders(closed, opened, widths)
         per_move = abs(widths[-1] - widths[0]) / abs(opened - closed) / 2
-        force, told, guessed = self._force(per_move)
+        force, force_comment, guessed = self._force(per_move)
         joint = self._skeleton.joints[self.drive]
         speed = min((joint.velocity or 0.1) * per_move, MAX_FINGER_SPEED)
         static = [self._motion.static(link) @ axes - shift for link in self._behind if link in self._solids]
@@ -497,7 +497,7 @@ class GripperMeter:
             min_width=widths[0],
             max_width=widths[-1],
             max_force=force,
-            force_comment=told,
+            force_comment=force_comment,
             force_guessed=guessed,
             speed=max(speed, 0.01),
             pads=pads,
@@ -509,10 +509,11 @@ class GripperMeter:
     def _reach_inside(
         self, link: str, drive: float, axes: Array, shift: Array, half: tuple[float, float]
     ) -> float:
-        """Return how far a link behind the pads reaches forward (+z of the TCP) between them, m.
+        """Return the distance by which a link behind the pads reaches forward (+z of the TCP) between them,
+        m.
 
-        -inf: nowhere. `half`: half of the pads' depth and of the opening, m. What is held meets the knuckles
-        of a linkage before it meets the palm.
+        -inf: nowhere. `half`: half of the pads' depth and of the opening, m. A held item meets the knuckles
+        of a linkage before the palm.
         """
         points = self._solids[link].along_edges(self._motion.points(link, drive) @ axes - shift)
         between = (np.abs(points[:, 0]) < half[0]) & (np.abs(points[:, 1]) < half[1] + KNUCKLE_CLEARANCE)
@@ -537,11 +538,11 @@ class GripperMeter:
         if self._skeleton.joints[self.drive].type == "prismatic":
             force = effort
         if force < MIN_GRIP_FORCE:
-            told = f"The URDF's effort would be {force:g} N: a guess, see the data sheet"
-            return DEFAULT_GRIP_FORCE, told, True
+            comment = f"The URDF's effort would be {force:g} N: a guess, see the data sheet"
+            return DEFAULT_GRIP_FORCE, comment, True
         if force > MAX_GRIP_FORCE:
-            told = f"The URDF's effort would be {force:.0f} N: not believed, see the data sheet"
-            return MAX_GRIP_FORCE, told, True
+            comment = f"The URDF's effort would be {force:.0f} N: not believed, see the data sheet"
+            return MAX_GRIP_FORCE, comment, True
         return force, "From the URDF's effort", False
 
     def _pad(self, n: int, axes: Array, drive: float, side: float) -> tuple[Box, Pose]:
@@ -566,7 +567,7 @@ class GripperMeter:
         return inner_box(points, low, high, side, MIN_PAD_THICKNESS)
 
     def _top(self, n: int, drive: float, axes: Array, level: _Level) -> float:
-        """Return where a finger's pad ends along the axis out of the hand, m.
+        """Return the position of the end of a finger's pad along the axis out of the hand, m.
 
         A pad extends to a tip that is near: a rounded edge there can press, too. It ends before a tip that
         tapers away from the other finger.
@@ -587,7 +588,7 @@ class GripperMeter:
         return tuple(found)
 
     def _behind_pad(self, n: int, axes: Array, drive: float, side: float) -> tuple[Box, Pose] | None:
-        """Return the box of a finger between pad and palm; None: there is nothing."""
+        """Return the box of a finger between pad and palm; None: no geometry there."""
         level = self._level(n, drive, axes, side)
         points = self._solids[self.links[n]].along_edges(self._motion.finger(n, drive, axes))
         behind = side * points[:, 1] >= side * level.y + FINGER_BODY_SETBACK

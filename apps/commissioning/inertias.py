@@ -67,17 +67,17 @@ def check_inertias(
 def _finding(
     element: ElementTree.Element, name: str, solid: LinkGeometry | None, *, moves: bool
 ) -> InertiaFinding | None:
-    given = _read(element)
-    if given is None or given[0] <= 0.0:
+    inertia = _read(element)
+    if inertia is None or inertia[0] <= 0.0:
         if solid is None and not moves:
             return None  # a mere frame
-        kind: Kind = "missing" if given is None else "zero"
-        what = "has no <inertial>" if given is None else f"weighs {given[0]:g} kg"
+        kind: Kind = "missing" if inertia is None else "zero"
+        what = "has no <inertial>" if inertia is None else f"weighs {inertia[0]:g} kg"
         why = "but a joint moves it" if moves else "but a shape"
         instead = _from_solid(solid)
         density = 0.0 if solid is None else DEFAULT_DENSITY
         return InertiaFinding(name, kind, f"{what}, {why}{_remedy(instead, density)}", instead, density)
-    mass, com, matrix = given
+    mass, com, matrix = inertia
     moments, axes = np.linalg.eigh(matrix)
     low, middle, high = (float(m) for m in moments)
     if low <= 0.0 or high > low + middle:
@@ -103,15 +103,17 @@ def _finding(
     volume = solid.volume()
     half = float(np.linalg.norm(np.ptp(solid.points, axis=0))) / 2
     if volume > 0.0 and not MIN_DENSITY <= mass / volume <= MAX_DENSITY:
-        told = f"{mass:g} kg in a hull of {volume * 1e6:.3g} cm³ is a density of {mass / volume:.3g} kg/m³"
-        return InertiaFinding(name, "implausible", told, None)
+        sentence = (
+            f"{mass:g} kg in a hull of {volume * 1e6:.3g} cm³ is a density of {mass / volume:.3g} kg/m³"
+        )
+        return InertiaFinding(name, "implausible", sentence, None)
     radius = math.sqrt(high / mass)
     if half > 0.0 and radius > MAX_GYRATION_RADIUS * half:
-        told = (
+        sentence = (
             f"an inertia of {high:.3g} kg·m² at {mass:g} kg is that of something {2 * radius:.2g} m wide; "
             f"the link is {2 * half:.2g} m"
         )
-        return InertiaFinding(name, "implausible", told, None)
+        return InertiaFinding(name, "implausible", sentence, None)
     return None
 
 
@@ -125,7 +127,7 @@ def lightened(
 ) -> tuple[tuple[InertiaFinding, ...], dict[str, gripper_mounting.LinkInertia]]:
     """Return findings and inertias with the guessed densities reduced to a share of theirs, 0 … 1.
 
-    What a motor's rotor adds to an inertia stays.
+    The share of a motor's rotor in an inertia does not change.
     """
     found: list[InertiaFinding] = []
     lighter = dict(inertias)
@@ -136,9 +138,9 @@ def lightened(
             continue
         density = share * finding.density
         light = _times(heavy, share)
-        told = finding.sentence.partition(": it gets ")[0] + _remedy(light, density)
-        told += ", light enough for the torques of the URDF"
-        found.append(replace(finding, sentence=told, instead=light, density=density))
+        sentence = finding.sentence.partition(": it gets ")[0] + _remedy(light, density)
+        sentence += ", light enough for the torques of the URDF"
+        found.append(replace(finding, sentence=sentence, instead=light, density=density))
         used = inertias[finding.link]
         lighter[finding.link] = light if used == heavy else replace(used, mass=light.mass)
     return tuple(found), lighter
@@ -164,14 +166,14 @@ def rotor_inertias(
     found: dict[str, gripper_mounting.LinkInertia] = {}
     for name in joints:
         link = skeleton.joints[name].child
-        given = known.get(link) or read_inertia(links[link])
+        inertia = known.get(link) or read_inertia(links[link])
         if (
-            given is not None
-            and min(given.moments) < MIN_LINKAGE_MOMENT
+            inertia is not None
+            and min(inertia.moments) < MIN_LINKAGE_MOMENT
             and skeleton.joints[name].type != "prismatic"
         ):
-            x, y, z = (max(m, MIN_LINKAGE_MOMENT) for m in given.moments)
-            found[link] = gripper_mounting.LinkInertia(given.mass, given.com, (x, y, z), (0.0, 0.0, 0.0))
+            x, y, z = (max(m, MIN_LINKAGE_MOMENT) for m in inertia.moments)
+            found[link] = gripper_mounting.LinkInertia(inertia.mass, inertia.com, (x, y, z), (0.0, 0.0, 0.0))
     return found
 
 
@@ -198,8 +200,8 @@ def _read(link: ElementTree.Element) -> tuple[float, Vector3, Array] | None:
 
 def read_inertia(link: ElementTree.Element) -> gripper_mounting.LinkInertia | None:
     """Return the inertia that the URDF gives a link; None when it has none that can be read."""
-    given = _read(link)
-    return None if given is None else _inertia(*given)
+    inertia = _read(link)
+    return None if inertia is None else _inertia(*inertia)
 
 
 def _from_solid(solid: LinkGeometry | None) -> gripper_mounting.LinkInertia:

@@ -30,7 +30,7 @@ class HandGroup:
 
     palm: str
     drives: tuple[str, ...]
-    """Joints that mimic no other."""
+    """Joints that do not mimic another one."""
     followers: tuple[str, ...]
     """Joints that mimic one of `drives`."""
 
@@ -73,8 +73,8 @@ def find_groups(
             raise UnsuitableUrdf(
                 source,
                 f"the joint {name!r} is {joint.type}: the robot drives, flies or walks",
-                "an arm on a base that stands still",
-                f'make that joint type="fixed" in a copy of the URDF, if {joint.child!r} shall stand still',
+                "an arm on a base that does not move",
+                f'make that joint type="fixed" in a copy of the URDF, if {joint.child!r} does not move',
             )
     hands = tuple(_hands(skeleton))
     if tip is None and len(hands) == 0:
@@ -145,7 +145,7 @@ def _hands(skeleton: urdf_parser.UrdfTree) -> Iterator[HandGroup]:
 
 
 def _is_finger(skeleton: urdf_parser.UrdfTree, name: str) -> bool:
-    """Return whether a joint moves a leaf of the tree, and slides or stands on a moved link."""
+    """Whether a joint moves a leaf of the tree, and slides or is mounted on a moved link."""
     joint = skeleton.joints[name]
     if joint.type not in ("prismatic", "revolute"):
         return False
@@ -239,11 +239,13 @@ def _only_chain(source: str, skeleton: urdf_parser.UrdfTree, base: str | None) -
     apart = [chain for chain in limbs if not set(chain[: len(chain) - 1]) <= set(longest)]
     if apart:
         ends = [skeleton.joints[chain[-1]].child for chain in limbs]
-        told = ", ".join(f"{len(chain)} joints to {end}" for chain, end in zip(limbs, ends, strict=True))
+        chains_text = ", ".join(
+            f"{len(chain)} joints to {end}" for chain, end in zip(limbs, ends, strict=True)
+        )
         what = "legs, or arms without grippers" if len(longest) < MIN_ARM_JOINTS else "arms or legs"
         raise UnsuitableUrdf(
             source,
-            f"{len(limbs)} limbs of about the same length ({what}): {told}",
+            f"{len(limbs)} limbs of about the same length ({what}): {chains_text}",
             "one arm with a gripper",
             "--base LINK --tip LINK choose one of them, --gripper URDF:LINK --mount LINK gives it a gripper"
             if len(longest) >= MIN_ARM_JOINTS
@@ -269,10 +271,11 @@ def _refuse_mimics(source: str, skeleton: urdf_parser.UrdfTree, arm: ArmGroup) -
     """Raise UnsuitableUrdf when a joint between the links of the arm follows another one."""
     inside = skeleton.joints_between(arm.base, arm.tip) or arm.joints
     mimics = [(name, mimic) for name in inside if (mimic := skeleton.joints[name].mimic) is not None]
-    if told := [f"{name} mimics {mimic.joint}" for name, mimic in mimics]:
+    if sentences := [f"{name} mimics {mimic.joint}" for name, mimic in mimics]:
         raise UnsuitableUrdf(
             source,
-            f"an arm of {len(arm.joints)} joints that move on their own, and in it {_listed(tuple(told))}",
+            f"an arm of {len(arm.joints)} joints that move on their own, and in it "
+            f"{_listed(tuple(sentences))}",
             "an arm without <mimic>: each of its joints has a motor of its own",
             f"remove <mimic> from {mimics[0][0]} if a motor turns it; a parallelogram cannot be planned for",
         )
@@ -357,15 +360,15 @@ MIN_ACCELERATION = 0.5
 """Least acceleration that is proposed for a joint, rad/s²."""
 CONFIGURATION_COUNT = 300
 GRAVITY_RESERVE = 1.5
-"""Torque that a guess gives a joint for gravity, as a multiple of what gravity needs at most."""
+"""Guessed torque of a joint for gravity, as a multiple of the maximum gravity torque."""
 MIN_TORQUE_GUESS = 1.0
-"""Part of a guessed torque for friction and for what inertias leave out, Nm."""
+"""Part of a guessed torque for friction and other loads beyond inertias, Nm."""
 MIN_MASS_SHARE, MASS_SHARE_STEP = 0.3, 0.05
 """Least share of guessed masses, and step of the shares that are tried."""
 PLACEHOLDER_TORQUE = 1.0
-"""Torque that many URDFs give for lack of another, Nm; so do they with 0."""
+"""Placeholder torque of many URDFs, Nm; 0 is another one."""
 MAX_TORQUE, MAX_TORQUE_RATIO = 1000.0, 20.0
-"""A torque of at least so many Nm, and so many times a guess, is not believed."""
+"""Torque, Nm, and ratio to the guess, from which on both a URDF's torque counts as wrong."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -384,33 +387,33 @@ def propose_limits(skeleton: urdf_parser.UrdfTree, joints: tuple[str, ...]) -> t
 
 
 def _proposed(name: str, joint: urdf_parser.UrdfJoint) -> ProposedLimits:
-    told: list[str] = []
+    comments: list[str] = []
     if joint.soft_lower is not None and joint.soft_upper is not None and joint.soft_lower < joint.soft_upper:
         lower, upper = joint.soft_lower, joint.soft_upper
-        told.append("soft limits of the URDF")
+        comments.append("soft limits of the URDF")
     elif joint.type == "continuous" or joint.lower is None or joint.upper is None:
         lower, upper = -CONTINUOUS_RANGE, CONTINUOUS_RANGE
-        told.append("turns without end: one turn to either side, for the cables")
+        comments.append("turns without end: one turn to either side, for the cables")
     else:
         reserve = min(LIMIT_RESERVE, RESERVE_SHARE * (joint.upper - joint.lower))
         lower, upper = joint.lower + reserve, joint.upper - reserve
-        told.append(f"the URDF's limits less {math.degrees(reserve):.1f} deg")
+        comments.append(f"the URDF's limits less {math.degrees(reserve):.1f} deg")
     if lower < -CONTINUOUS_RANGE or upper > CONTINUOUS_RANGE:
         lower, upper = max(lower, -CONTINUOUS_RANGE), min(upper, CONTINUOUS_RANGE)
-        told.append("at most one turn to either side")
+        comments.append("at most one turn to either side")
     velocity = joint.velocity or 0.0
     if velocity <= 0.0:
         velocity = DEFAULT_VELOCITY
-        told.append("no velocity in the URDF: slow")
+        comments.append("no velocity in the URDF: slow")
     elif velocity < MIN_VELOCITY:
-        told.append(f"the URDF's {velocity:g} rad/s are not believed: slow")
+        comments.append(f"the URDF's {velocity:g} rad/s are not believed: slow")
         velocity = DEFAULT_VELOCITY
     elif velocity > MAX_VELOCITY:
-        told.append(f"the URDF's {velocity:g} rad/s are not believed")
+        comments.append(f"the URDF's {velocity:g} rad/s are not believed")
         velocity = MAX_VELOCITY
     torque = joint.effort or 0.0
     return ProposedLimits(
-        round(lower, 5), round(upper, 5), velocity, MIN_ACCELERATION, torque, name, "; ".join(told)
+        round(lower, 5), round(upper, 5), velocity, MIN_ACCELERATION, torque, name, "; ".join(comments)
     )
 
 
@@ -435,16 +438,16 @@ class JointLoads:
     def torques(self, velocity: Array) -> Array:
         """Return torques (n,) that carry the arm and move it, Nm, for joints of these velocities, rad/s.
 
-        They leave what takes each joint to its velocity in MIN_SPEED_UP_TIME.
+        They include the torque that accelerates each joint to its velocity in MIN_SPEED_UP_TIME.
         """
         moving = self.inertia * velocity / MIN_SPEED_UP_TIME / ACCELERATION_TORQUE_SHARE
         return GRAVITY_RESERVE * self.gravity + moving + MIN_TORQUE_GUESS
 
 
 def is_placeholder(effort: float, gravity: float, guess: float) -> bool:
-    """Return whether the URDF's effort of a joint, Nm, cannot be its motor's.
+    """Whether the URDF's effort of a joint, Nm, cannot be its motor's.
 
-    It is 0 or 1, less than 1 and less than gravity needs, or far beyond what the arm needs.
+    It is 0 or 1, less than 1 and less than the gravity torque, or far beyond the torque that the arm needs.
     """
     if effort <= PLACEHOLDER_TORQUE:
         return effort <= 0.0 or effort == PLACEHOLDER_TORQUE or effort < gravity

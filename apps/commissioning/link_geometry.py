@@ -19,7 +19,7 @@ from picktree.world.robot_model import UrdfError, gripper_mounting, link_shapes,
 
 
 class UnsuitableUrdf(PicktreeError):
-    """Error for a URDF without a robot file: what was found, what is missing, and what would help."""
+    """Error for a URDF without a robot file: the findings, the missing parts, and a remedy."""
 
     def __init__(self, urdf: str, found: str, missing: str, helps: str) -> None:
         self.found, self.missing, self.helps = found, missing, helps
@@ -37,13 +37,13 @@ class UrdfSource:
     """URDF as named on the command line, found and read."""
 
     text: str
-    """Name as given: a path, or `package:path`."""
+    """Name on the command line: a path, or `package:path`."""
     urdf: gripper_mounting.NamedUrdf
     skeleton: urdf_parser.UrdfTree
 
 
 def find_source(text: str) -> UrdfSource:
-    """Find and read a URDF. Raises PicktreeError when there is none, UnsuitableUrdf when it is no URDF."""
+    """Find and read a URDF. Raises PicktreeError for a missing file, UnsuitableUrdf when it is no URDF."""
     named = _named(text)
     refuse_template(text, named.path)
     try:
@@ -74,8 +74,8 @@ def refuse_template(text: str, path: Path) -> None:
 
 
 def _is_template(raw: bytes) -> bool:
-    """Whether links or joints wait for xacro. Values that nothing takes, and what is for other programs, as
-    <gazebo>, do not count."""
+    """Whether links or joints need an expansion by xacro. Values that nothing takes, and what is for other
+    programs, as <gazebo>, do not count."""
     try:
         root = parse_xml(raw)
     except XmlError:
@@ -200,7 +200,7 @@ def _joined(solids: list[LinkGeometry]) -> LinkGeometry:
 
 MAX_STICK_OUT = 0.0025
 """Greatest distance of a box's corner from the hull of its finger, m. The simulation takes the box, and the
-planner the hull, which it keeps 3 mm away from what is near."""
+planner the hull, which it keeps 3 mm away from other bodies."""
 INNER_STEPS = 17
 """Number of depths and of lengths of a box that are tried."""
 HAND_BOX_COUNT = 3

@@ -29,9 +29,9 @@ MAX_PAD_OFFSET = 0.004
 MAX_OPENING_ERROR = 0.002
 """Greatest difference between the gap of the pads and the opening, m."""
 MAX_FINGER_OVERLAP = 0.01
-"""Greatest way that the URDF may let sliding fingers move beyond where the pads meet, m."""
+"""Greatest motion of sliding fingers beyond the contact of the pads that the URDF may allow, m."""
 MAX_LINKAGE_OVERLAP_SHARE = 0.5
-"""The same for a linkage, as a share of its opening: ranges of its motor often go on where the pads meet."""
+"""Greatest such motion of a linkage, as a share of its opening: ranges of motors often extend further."""
 MAX_SHARE_BESIDE_HAND = 0.05
 """Greatest share of the last two links' points that are further out than the palm."""
 
@@ -45,7 +45,7 @@ class Verdict:
     measured: str
     """Measured values, with units."""
     change: str = ""
-    """Sentence on what to change in which file; empty when the verdict is good."""
+    """Sentence on the necessary change and its file; empty when the verdict is good."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +67,7 @@ class RobotUnderTest:
 
 
 def check_model(tested: RobotUnderTest) -> tuple[Verdict, ...]:
-    """Return the verdict of each check, in the order in which a fault explains those after it."""
+    """Return the verdict of each check; a fault may explain the faults after it."""
     return tuple(check(tested) for check in CHECKS)
 
 
@@ -76,17 +76,17 @@ def _masses(tested: RobotUnderTest) -> Verdict:
     findings = check_inertias(urdf, tested.skeleton, tested.solids)
     wrong = [f for f in findings if f.kind != "implausible"]
     if wrong:
-        told = "; ".join(f"{f.link} {f.sentence.partition(':')[0]}" for f in wrong)
+        measured = "; ".join(f"{f.link} {f.sentence.partition(':')[0]}" for f in wrong)
         names = ", ".join(f.link for f in wrong)
         change = (
             f"give {names} a right <inertial> in the URDF, or an entry under 'inertias:' in {tested.file}"
         )
-        return Verdict("masses", False, told, change)
+        return Verdict("masses", False, measured, change)
     total = sum(inertia.mass for inertia in tested.model.full.inertias)
-    told = f"{total:.1f} kg move, of which the hand {tested.model.hand_mass:.2f} kg"
+    measured = f"{total:.1f} kg move, of which the hand {tested.model.hand_mass:.2f} kg"
     if findings:
-        told += f"; great for their size: inertias of {', '.join(f.link for f in findings)}"
-    return Verdict("masses", True, told)
+        measured += f"; great for their size: inertias of {', '.join(f.link for f in findings)}"
+    return Verdict("masses", True, measured)
 
 
 def _limits(tested: RobotUnderTest) -> Verdict:
@@ -149,10 +149,10 @@ def _home(tested: RobotUnderTest) -> Verdict:
         checker.update(PlanningScene((), ()), width)
         touching = checker.contacts(home)
         if touching:
-            told = "; ".join(f"{c.a} and {c.b} are {_depth(c.distance)}" for c in touching[:3])
+            measured = "; ".join(f"{c.a} and {c.b} are {_depth(c.distance)}" for c in touching[:3])
             change = f"choose another 'home' under 'poses:' in {tested.file}"
             change += "; `picktree robot new` proposes one"
-            return Verdict("home", False, f"{told} at home, with {fingers} fingers", change)
+            return Verdict("home", False, f"{measured} at home, with {fingers} fingers", change)
     nearest = checker.nearest(home, 0.3, itself=True)
     gap = "further than 300 mm" if nearest is None else f"{1000 * nearest.distance:.0f} mm"
     gap += " apart" if nearest is None else " apart or more"
@@ -186,37 +186,37 @@ def _fingers(tested: RobotUnderTest) -> Verdict:
     for width in np.linspace(least, gripper.max_width, 5):
         one, other = _pads(tested, float(width))
         if float(one[:, 1].mean()) < float(other[:, 1].mean()):
-            told = f"{gripper.fingers[0]} is on the TCP's -y side at an opening of {1000 * width:.0f} mm"
+            measured = f"{gripper.fingers[0]} is on the TCP's -y side at an opening of {1000 * width:.0f} mm"
             change = (
                 f"swap the names in 'links:', 'joints:' and 'pads:' under 'gripper:' in {tested.file}, or "
                 "turn its 'tcp:' by 180 deg about z; where the URDF has the fingers' axes wrong, mend it"
             )
-            return Verdict("fingers", False, told, change)
+            return Verdict("fingers", False, measured, change)
         worst = max(worst, abs(float(one[:, 1].min() - other[:, 1].max()) - float(width)))
     if worst > MAX_OPENING_ERROR:
-        told = f"the pads' gap differs from the opening by {1000 * worst:.1f} mm"
+        measured = f"the pads' gap differs from the opening by {1000 * worst:.1f} mm"
         change = (
             f"measure 'pads:' under 'gripper:' in {tested.file} again, and look at the axes of the fingers' "
             "joints in the URDF"
         )
-        return Verdict("fingers", False, told, change)
+        return Verdict("fingers", False, measured, change)
     through = _overlap(tested)
     if through > (
         MAX_FINGER_OVERLAP if gripper.linkage is None else MAX_LINKAGE_OVERLAP_SHARE * gripper.max_width
     ):
-        told = (
+        measured = (
             f"the fingers pass {1000 * through:.0f} mm through each other at the end of their joints' range"
         )
         change = (
             "mend <axis> of the fingers' joints in the URDF, which look swapped, or their <limit>; then call "
             "`picktree robot new` again"
         )
-        return Verdict("fingers", False, told, change)
+        return Verdict("fingers", False, measured, change)
     return Verdict("fingers", True, f"the pads' gap is the opening within {1000 * worst:.2f} mm")
 
 
 def _overlap(tested: RobotUnderTest) -> float:
-    """Return how far the URDF lets the fingers move beyond where the pads meet, m; 0: they stop there."""
+    """Return the motion beyond the contact of the pads that the URDF allows, m; 0: they stop there."""
     gripper, joints = tested.description.gripper, tested.skeleton.joints
     if gripper.linkage is None:
         return sum(max(0.0, -(joints[name].lower or 0.0)) for name in gripper.joints)
@@ -236,22 +236,24 @@ def _tool_frame(tested: RobotUnderTest) -> Verdict:
     if np.abs(middle[:2]).max() > MAX_PAD_OFFSET or not low[2] <= 0.0 <= high[2]:
         x, y, z = (round(float(c), 4) for c in middle)
         at = (robot.tcp_in_link @ Pose((x, y, z))).position
-        told = f"the middle between the pads is at {_millimetres((x, y, z))} mm of the TCP, not at it"
+        measured = f"the middle between the pads is at {_millimetres((x, y, z))} mm of the TCP, not at it"
         change = (
             f"set 'at:' to {_millimetres(at)} mm under 'tcp:' in {tested.file}, or mend the frame in the URDF"
         )
-        return Verdict("tool frame", False, told, change)
+        return Verdict("tool frame", False, measured, change)
     if palm.position[2] > 0.0:
-        told = (
+        measured = (
             f"z of the TCP points back at the flange, which is {1000 * palm.position[2]:.0f} mm ahead of it"
         )
         change = f"turn 'rpy:' under 'tcp:' in {tested.file}: z points out of the hand, y along the closing"
-        return Verdict("tool frame", False, told, change)
+        return Verdict("tool frame", False, measured, change)
     share = _share_beside_hand(tested)
     if share > MAX_SHARE_BESIDE_HAND:
-        told = f"the hand points back at the arm: {100 * share:.0f} % of its last links is ahead of the palm"
+        measured = (
+            f"the hand points back at the arm: {100 * share:.0f} % of its last links is ahead of the palm"
+        )
         change = f"turn 'rpy:' under 'mount:' in {tested.file} by 180 deg, or the flange's frame in the URDF"
-        return Verdict("tool frame", False, told, change)
+        return Verdict("tool frame", False, measured, change)
     return Verdict("tool frame", True, f"between the pads, within {1000 * np.abs(middle[:2]).max():.1f} mm")
 
 

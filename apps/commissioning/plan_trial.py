@@ -62,7 +62,7 @@ class PlanFigures:
     """Simulated time charged for planning, s."""
     quality: PlanQuality
     joint_slides: bool
-    """Whether the joint that comes nearest to one of its limits is a slider."""
+    """Whether the joint nearest to one of its limits is a slider."""
 
     def to_json(self) -> dict[str, object]:
         quality = self.quality
@@ -91,7 +91,7 @@ class PlanFigures:
 
 @dataclass(frozen=True, slots=True)
 class PlanRefusal:
-    """Reason why there is no plan."""
+    """Refusal of a plan with its reason."""
 
     cause: str
     message: str
@@ -100,7 +100,7 @@ class PlanRefusal:
 
     @classmethod
     def of(cls, failure: Failure) -> PlanRefusal:
-        """Return the reason that a failure of the planner gives."""
+        """Return the refusal for a failure of the planner."""
         return cls(failure.cause.name, failure.message, failure.cause.remedy, failure.evidence)
 
 
@@ -114,13 +114,13 @@ class PlanAnswer:
     asked: str
     begins: str
     grasp: str = ""
-    """Grasp of the object that was planned for."""
+    """Grasp of the object in the plan."""
     found: PlanFigures | None = None
     refused: PlanRefusal | None = None
     rejected: tuple[str, ...] = ()
     """Reasons why other grasps of the object were rejected."""
     judged: tuple[str, ...] | None = None
-    """Objections of the verifier to the plan, with --verify; None: it was not asked."""
+    """Objections of the verifier to the plan, with --verify; None: it was not used."""
     picture: str = ""
 
     @property
@@ -144,7 +144,7 @@ class PlanAnswer:
         return "\n".join(lines)
 
     def lines(self) -> list[str]:
-        """Return the figures of the plan, or the reason why there is none."""
+        """Return the figures of the plan, or the reason of its refusal."""
         if self.found is not None:
             return _table(self._figures(self.found))
         return self._why_not(self.refused) if self.refused is not None else []
@@ -186,7 +186,7 @@ def _distance(contact: ContactPair) -> str:
 
 
 def _rows(evidence: Evidence) -> Iterator[tuple[str, str]]:
-    """Return the evidence as rows of a table; empty values give none."""
+    """Return the evidence as rows of a table, without empty values."""
     for key, value in evidence.items():
         name = key.replace("_", " ")
         if isinstance(value, list):
@@ -228,14 +228,14 @@ def draw(
     world: World,
     start: Array,
     outcome: MotionPlan | Failure | None,
-    asked: str,
+    query: str,
     output: Path,
     view: PictureView,
     size: tuple[int, int],
 ) -> None:
     """Write the picture. Raises PicktreeError when it cannot be written."""
     require_picture_name(output)
-    picture = plan_picture(world, start, outcome, asked, view, size)
+    picture = plan_picture(world, start, outcome, query, view, size)
     with file_system.whole([output], output) as (beside,):
         output.parent.mkdir(parents=True, exist_ok=True)
         write_picture(str(beside), picture)
@@ -245,7 +245,7 @@ def plan_picture(
     world: World,
     start: Array,
     outcome: MotionPlan | Failure | None,
-    asked: str,
+    query: str,
     view: PictureView,
     size: tuple[int, int],
     width: float | None = None,
@@ -254,7 +254,7 @@ def plan_picture(
     """Return the picture as RGB (h, w, 3).
 
     `start` is the configuration (n,), rad, `width` the opening of the fingers, m; None: fully open. Without
-    an outcome the arm stands at the start. `time` is shown, s.
+    an outcome the arm is drawn at the start. `time` is shown, s.
     """
     meshes = binary_gltf.link_meshes(world.robot.description.urdf)
     width = world.robot.description.gripper.max_width if width is None else width
@@ -262,7 +262,7 @@ def plan_picture(
     path: tuple[tuple[float, float, float], ...] = ()
     marked: tuple[log_records.BodyRecord, ...] = ()
     point: tuple[log_records.BodyRecord, ...] = ()
-    caption = Caption(time, asked)
+    caption = Caption(time, query)
     if isinstance(outcome, MotionPlan):
         q = outcome.trajectory.position
         robots.add("", world.robot.link_poses(q[-1], width))
@@ -272,7 +272,7 @@ def plan_picture(
             poses = world.robot.link_poses(q[k], width).items()
             robots.add(f"way {k}", {link: pose for link, pose in poses if link in hand}, HAND_COLOUR)
         path = tuple(world.robot.tcp(one).position for one in q[:: max(1, len(q) // 60)])
-        caption = Caption(outcome.trajectory.duration, asked, f"by {outcome.planner}")
+        caption = Caption(outcome.trajectory.duration, query, f"by {outcome.planner}")
     elif isinstance(outcome, Failure):
         at, names = _failure_configuration(outcome, start), _named_bodies(outcome)
         robots.add("", world.robot.link_poses(at, width), alarm=names)
@@ -324,18 +324,18 @@ class _Robots:
 
 def _failure_configuration(failure: Failure, start: Array) -> Array:
     """Return the configuration of a failure; the start when it has none."""
-    told = failure.evidence.get("configuration")
-    if isinstance(told, list) and len(told) == len(start):
-        return np.array([float(x) for x in told])
+    configuration = failure.evidence.get("configuration")
+    if isinstance(configuration, list) and len(configuration) == len(start):
+        return np.array([float(x) for x in configuration])
     return start
 
 
 def _point(failure: Failure) -> tuple[log_records.BodyRecord, ...]:
     """Return a red ball at the failure's point: the goal's, or where a line stopped."""
     for key in ("point", "first", "at"):
-        told = failure.evidence.get(key)
-        if isinstance(told, list) and len(told) == 3:
-            x, y, z = (float(c) for c in told)
+        value = failure.evidence.get(key)
+        if isinstance(value, list) and len(value) == 3:
+            x, y, z = (float(c) for c in value)
             return (
                 log_records.BodyRecord(
                     "point", "sphere", Sphere(0.012), "red", Pose((x, y, z)), id=ObjectId("point")
@@ -353,8 +353,8 @@ def _named_bodies(failure: Failure) -> frozenset[str]:
     """Return the names of all bodies in contact or in the way."""
     names: set[str] = set()
     for key in ("pairs", "in_the_way", "enclosed_by"):
-        told = failure.evidence.get(key)
-        for line in told if isinstance(told, list) else ():
+        value = failure.evidence.get(key)
+        for line in value if isinstance(value, list) else ():
             names.update(str(line).split())
     return frozenset(names)
 
@@ -394,7 +394,7 @@ def build(scene: str, robot: str | None, seed: int, *, verify: bool) -> World:
     world = assemble_world(hardware, description, arm, seed, verify=verify)
     for body in hardware.recent_truth():
         if body.present:
-            world.scene.put(_believed(world, body), "believed as it is")
+            world.scene.put(_believed(world, body), "exact belief")
     world.scene.take_changes()
     return world
 
@@ -446,48 +446,48 @@ class PlanQuery:
     size: tuple[int, int] = (1280, 800)
 
 
-def plan_in_scene(asked: PlanQuery) -> PlanAnswer:
+def plan_in_scene(query: PlanQuery) -> PlanAnswer:
     """Plan a motion in a scene. Raises PicktreeError for an unknown scene, robot, goal or start."""
-    world = build(asked.scene, asked.robot, asked.seed, verify=asked.verify)
-    q = parse_start(world, asked.begin) if asked.begin else world.robot.named(HOME_POSE)
-    constraints: tuple[Constraint, ...] = () if asked.upright is None else (UprightConstraint(asked.upright),)
+    world = build(query.scene, query.robot, query.seed, verify=query.verify)
+    q = parse_start(world, query.begin) if query.begin else world.robot.named(HOME_POSE)
+    constraints: tuple[Constraint, ...] = () if query.upright is None else (UprightConstraint(query.upright),)
     request = Request(
         NamedGoal(HOME_POSE),
         q,
         constraints=constraints,
-        clearance=asked.clearance,
-        budget=asked.budget,
-        planner=asked.planner,
+        clearance=query.clearance,
+        budget=query.budget,
+        planner=query.planner,
     )
-    goal = parse_goal(world, asked.to, request, line=asked.line)
+    goal = parse_goal(world, query.to, request, line=query.line)
     tried = _first_success(world, goal)
     rejected = Counter((*goal.rejected, *tried.rejected)).most_common()
     answer = PlanAnswer(
-        asked.scene,
+        query.scene,
         world.robot.description.name,
-        asked.seed,
-        goal.words + _constraint_words(asked),
-        asked.begin or HOME_POSE,
+        query.seed,
+        goal.words + _constraint_words(query),
+        query.begin or HOME_POSE,
         grasp="" if tried.attempt is None else tried.attempt.name,
         rejected=tuple(f"{count} × {reason}" for reason, count in rejected),
     )
     if isinstance(tried.outcome, MotionPlan):
         answer = replace(answer, found=plan_figures(world, tried.outcome))
-        if asked.verify:
+        if query.verify:
             against = [line for one in world.plan.disagreements for line in contact_lines(one.contacts)]
             answer = replace(answer, judged=tuple(against))
     elif tried.outcome is not None:
         answer = replace(answer, refused=PlanRefusal.of(tried.outcome))
     else:
-        sentence = f"the hand finds no room at any of {len(goal.rejected)} grasps of {asked.to}"
+        sentence = f"the hand finds no room at any of {len(goal.rejected)} grasps of {query.to}"
         if not goal.rejected:
-            sentence = f"{asked.to} is wider than the gripper opens"
+            sentence = f"{query.to} is wider than the gripper opens"
         refused = PlanRefusal("grasp.no_candidate", sentence, "clear the space around it", {})
         answer = replace(answer, refused=refused)
-    if asked.picture is not None:
-        view = asked.view or PictureView()
-        draw(world, q, tried.outcome, answer.asked, asked.picture, view, asked.size)
-        answer = replace(answer, picture=str(asked.picture))
+    if query.picture is not None:
+        view = query.view or PictureView()
+        draw(world, q, tried.outcome, answer.asked, query.picture, view, query.size)
+        answer = replace(answer, picture=str(query.picture))
     return answer
 
 
@@ -544,12 +544,12 @@ def plan_figures(world: World, plan: MotionPlan) -> PlanFigures:
     )
 
 
-def _constraint_words(asked: PlanQuery) -> str:
+def _constraint_words(query: PlanQuery) -> str:
     words = ""
-    if asked.line:
+    if query.line:
         words += ", straight"
-    if asked.upright is not None:
-        words += f", upright within {np.degrees(asked.upright):.0f} deg"
-    if asked.clearance > 0:
-        words += f", {asked.clearance * 1000:.0f} mm clear"
+    if query.upright is not None:
+        words += f", upright within {np.degrees(query.upright):.0f} deg"
+    if query.clearance > 0:
+        words += f", {query.clearance * 1000:.0f} mm clear"
     return words

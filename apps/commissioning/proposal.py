@@ -83,7 +83,7 @@ class RobotDraft:
     collision: SelfCollisionReport | None = None
     notes: tuple[str, ...] = ()
     base: BaseProposal | None = None
-    """Base from which the tool reaches more; None: it stands at the origin."""
+    """Base from which the tool reaches more; None: the origin."""
 
 
 _REASON_TEXTS = {
@@ -121,7 +121,7 @@ def _lines(draft: RobotDraft) -> Iterator[str]:
             yield f"  prefix: {_word(mounting.prefix)}"
     yield from _inertias(draft)
     yield ""
-    yield "# Where the foot stands in the world; scenes have the table at z = 0."
+    yield "# Position of the foot in the world; scenes have the table at z = 0."
     if draft.base is not None:
         yield f"# It is a proposal: {draft.base.sentence}."
     yield f"base: {{at: {_list((0.0, 0.0, 0.0) if draft.base is None else draft.base.at)}}}"
@@ -154,7 +154,7 @@ def _lines(draft: RobotDraft) -> Iterator[str]:
 
 
 def _inertias(draft: RobotDraft) -> Iterator[str]:
-    told = {finding.link: finding for finding in draft.findings}
+    findings = {finding.link: finding for finding in draft.findings}
     for finding in draft.findings:
         if finding.instead is None:
             yield f"# Look at {finding.link}: {finding.sentence}."
@@ -164,8 +164,8 @@ def _inertias(draft: RobotDraft) -> Iterator[str]:
     yield "# Instead of what the URDF says of these links:"
     yield "inertias:"
     for link, inertia in draft.inertias.items():
-        if link in told and told[link].instead is not None:
-            yield f"  # {link}: {told[link].sentence}."
+        if link in findings and findings[link].instead is not None:
+            yield f"  # {link}: {findings[link].sentence}."
         else:
             yield f"  # {link}: heavier to turn, by what the motor's rotor adds through its gear."
         yield from _inertia(link, inertia)
@@ -356,7 +356,7 @@ def _face(
     origin = at.inverse().apply(np.array(moved.position))
 
     def middle(links: Iterable[str]) -> float | None:
-        """Return how far ahead along the axis the middle of these links' points is, m."""
+        """Return the position of the middle of these links' points along the axis, m."""
         points = [
             (at.inverse() @ skeleton.pose(link, {})).apply(solids[link].points) @ axis
             for link in links
@@ -445,7 +445,7 @@ def _model(draft: RobotDraft, wish: ProposalRequest) -> RobotModel:
 
 
 def _borne(draft: RobotDraft, wish: ProposalRequest) -> RobotDraft:
-    """Return the draft with guessed masses that the URDF's torques carry."""
+    """Return the draft with guessed masses that the URDF's torques can carry."""
     if not any(finding.density for finding in draft.findings):
         return draft
 
@@ -532,7 +532,7 @@ def _draft(
         inertias |= rotor_inertias(urdf_parser.parsed_urdf(path), skeleton, meter.ratios, inertias)
     notes: list[str] = []
     if seen_only := urdf_parser.links_seen_only(str(path)):
-        notes.append(f"without <collision>, colliding as they are seen: {listed(seen_only, 6)}")
+        notes.append(f"without <collision>, using <visual> for collisions: {listed(seen_only, 6)}")
     if len(arm.joints) == 5:
         notes.append("the arm has five joints: it reaches poses with the tool upright, and few others")
     return RobotDraft(
@@ -617,10 +617,10 @@ def _parsed(text: str, wish: ProposalRequest) -> RobotDescription:
     try:
         return parse_robot(text, wish.file)
     except FileError as error:
-        told = "; ".join(fault.message for fault in error.faults[:3])
+        messages = "; ".join(fault.message for fault in error.faults[:3])
         raise UnsuitableUrdf(
             wish.urdf,
-            f"an arm and a gripper, but the robot file made of them is refused: {told}",
+            f"an arm and a gripper, but the robot file made of them is refused: {messages}",
             "a URDF that the checker takes",
             "mend what it says in a copy of the URDF",
         ) from None

@@ -120,23 +120,23 @@ MAX_OVERHANG = 0.1
 
 
 def opening_advice(gripper: GripperDescription, item: BeliefObject, file: str) -> tuple[str, str] | None:
-    """Return how far a gripper opens for an item, and what to change; None: it opens far enough."""
+    """Return the opening for an item as text, and the necessary change; None: it opens far enough."""
     if grasp_candidates(item, gripper):
         return None
     wider = replace(gripper, max_width=1.0)
     width = min((grasp.expected_width for grasp in grasp_candidates(item, wider)), default=0.0)
-    told = (
+    measured = (
         f"it opens {1000 * gripper.max_width:.0f} mm; the {item.kind} is {1000 * width:.0f} mm wide, and "
         f"needs {1000 * (width + MIN_SPARE_OPENING):.0f} mm"
     )
     change = f"look at 'max_width' in {file}; else mount another gripper, or lay out a scene"
-    return told, change
+    return measured, change
 
 
 def reach_advice(
     tested: RobotUnderTest, places: tuple[TargetPlace, ...], file: str
 ) -> tuple[str, str] | None:
-    """Return what was measured of the reach, and what to change; None: each place is within it.
+    """Return the measured reach as text, and the necessary change; None: each place is within it.
 
     The reach is that of the tool pointing down, at the height of the place and in its direction.
     """
@@ -146,20 +146,22 @@ def reach_advice(
         distance = float(np.linalg.norm(away))
         span = _span(model, away / max(distance, 1e-9), float(place.position[2]))
         if span is None:
-            told = f"with the tool down it reaches nothing {1000 * place.position[2]:.0f} mm above the table"
-            return told, _other_base(tested, file)
+            measured = (
+                f"with the tool down it reaches nothing {1000 * place.position[2]:.0f} mm above the table"
+            )
+            return measured, _other_base(tested, file)
         near, far = span
         if not near - DISTANCE_STEP <= distance <= far + DISTANCE_STEP:
-            told = (
+            measured = (
                 f"its reach is {far:.2f} m with the tool down, from {near:.2f} m on; {place.name} is "
                 f"{distance:.2f} m from its first joint"
             )
-            return told, _other_base(tested, file)
+            return measured, _other_base(tested, file)
     return None
 
 
 def _other_base(tested: RobotUnderTest, file: str) -> str:
-    """Return the advice for an arm that is too short, or too high or low, where it stands."""
+    """Return the advice for an arm that is too short, or mounted too high or too low."""
     better = propose_base(tested.model, tested.skeleton, tested.solids)
     if better is None:
         return f"lay out a scene for that reach: no other 'base:' in {file} brings more of this one within it"
@@ -181,7 +183,7 @@ def _span(model: RobotModel, direction: Array, height: float) -> tuple[float, fl
 
 
 def advice(cause: str, message: str, file: str, links: tuple[str, ...], bodies: tuple[str, ...]) -> str:
-    """Return what to change after a failure with that cause and message.
+    """Return the necessary change after a failure with that cause and message.
 
     `links` are the robot's, `bodies` those of the scene.
     """
@@ -224,11 +226,11 @@ _CHANGES: Mapping[str, str] = {
     "control": "look at 'acceleration' and 'torque' under 'joints:', and at 'inertias:' in {file}",
     "perception": "look at 'home' under 'poses:', and at 'base:' in {file}",
 }
-"""Changes by a part of the message, or by the begin of the cause; the more exact one comes first."""
+"""Changes by a part of the message, or by the beginning of the cause; more exact ones come first."""
 
 
 def _names(message: str, name: str) -> bool:
-    """Return whether a message names a body as a word of its own."""
+    """Whether a message names a body as a word of its own."""
     return bool(name) and re.search(rf"(?<![\w/]){re.escape(name)}(?![\w/])", message) is not None
 
 
@@ -238,13 +240,13 @@ REST_TIME = 1.0
 MAX_UNEXPLAINED_SHARE, MIN_UNEXPLAINED = 0.02, 0.3
 """Greatest unexplained effort at rest: share of the joint's torque limit, and Nm."""
 MAX_SAG = 0.002
-"""Greatest distance of a joint from where it is held, rad."""
+"""Greatest distance of a joint from its held position, rad."""
 MAX_TRACKING_ERROR = 0.02
 """Greatest distance of a joint from its set-point on a motion, rad."""
 MAX_BRAKING_TIME = 1.0
 """Longest time in which the arm comes to rest from full speed, s."""
 SHUT_OPENING = 0.003
-"""Distance of closed fingers from where they meet, and of open ones from their full opening, m."""
+"""Tolerance of the opening of closed fingers, and of fully open ones, m."""
 CLOSING_FORCE = 10.0
 """Force with which the empty fingers close, N."""
 
@@ -276,7 +278,7 @@ class Trials:
         self._cell: CellSession | None = None
 
     def all(self) -> tuple[tuple[str, Callable[[CellSession], Verdict]], ...]:
-        """Return the trials with their names, in the order in which a fault explains those after it."""
+        """Return the trials with their names; a fault may explain the faults after it."""
         return (
             ("effort at rest", self._rest),
             ("track", self._track),
@@ -304,14 +306,16 @@ class Trials:
         return verdict
 
     def _failed(self, name: str, cause: str, message: str, places: tuple[TargetPlace, ...] = ()) -> Verdict:
-        told, file = f"{cause}: {message}", self._tested.file
+        measured, file = f"{cause}: {message}", self._tested.file
         if name in _OWN:
-            return Verdict(name, False, told, f"look at {_OWN[name]} in {file}")
+            return Verdict(name, False, measured, f"look at {_OWN[name]} in {file}")
         if "reach" in message and (found := reach_advice(self._tested, places, file)) is not None:
-            return Verdict(name, False, f"{told}; {found[0]}", found[1])
+            return Verdict(name, False, f"{measured}; {found[0]}", found[1])
         scene = None if self._cell is None else self._cell.world.scene
         bodies = () if scene is None else (*scene.fixtures, *scene.bins, *(str(o.id) for o in scene.objects))
-        return Verdict(name, False, told, advice(cause, message, file, self._tested.skeleton.links, bodies))
+        return Verdict(
+            name, False, measured, advice(cause, message, file, self._tested.skeleton.links, bodies)
+        )
 
     def _rest(self, cell: CellSession) -> Verdict:
         world, model = cell.world, self._tested.model
@@ -324,19 +328,19 @@ class Trials:
         k = int((residual / bound).argmax())
         sag = np.abs(world.control.state.position - home)
         if residual[k] > bound[k]:
-            told = f"{names[k]} exerts {residual[k]:.1f} Nm more or less than gravity explains"
+            measured = f"{names[k]} exerts {residual[k]:.1f} Nm more or less than gravity explains"
             change = (
                 f"look at <inertial> of the links beyond {names[k]} in the URDF, or at 'inertias:' in "
                 f"{self._tested.file}"
             )
-            return Verdict("effort at rest", False, told, change)
+            return Verdict("effort at rest", False, measured, change)
         if sag.max() > MAX_SAG:
             k = int(sag.argmax())
-            told = f"{names[k]} sags by {1000 * sag[k]:.1f} mrad with {model.torque_limit[k]:g} Nm"
+            measured = f"{names[k]} sags by {1000 * sag[k]:.1f} mrad with {model.torque_limit[k]:g} Nm"
             change = f"raise 'torque' of {names[k]} in {self._tested.file}"
-            return Verdict("effort at rest", False, told, change)
-        told = f"within {residual.max():.2f} Nm of gravity; held within {1000 * sag.max():.2f} mrad"
-        return Verdict("effort at rest", True, told)
+            return Verdict("effort at rest", False, measured, change)
+        measured = f"within {residual.max():.2f} Nm of gravity; held within {1000 * sag.max():.2f} mrad"
+        return Verdict("effort at rest", True, measured)
 
     def _track(self, cell: CellSession) -> Verdict:
         worst = np.zeros(self._tested.model.n)
@@ -349,8 +353,8 @@ class Trials:
         if worst[k] > MAX_TRACKING_ERROR:
             change = f"lower 'acceleration' of {name} in {self._tested.file}, or raise its 'torque'"
             return Verdict("track", False, f"{name} lags by {1000 * worst[k]:.1f} mrad", change)
-        told = f"within {1000 * worst[k]:.1f} mrad at {100 * speed:.0f} % of the joints' speeds"
-        return Verdict("track", True, told)
+        measured = f"within {1000 * worst[k]:.1f} mrad at {100 * speed:.0f} % of the joints' speeds"
+        return Verdict("track", True, measured)
 
     def _moved(self, cell: CellSession, pose: str) -> tuple[Array, float]:
         """Move to a named pose. Return the greatest error (n,), rad, and speed as a share of the limits."""
@@ -371,7 +375,7 @@ class Trials:
         return worst, speed
 
     def _other_pose(self) -> str:
-        """Return a named pose other than `home`; `home` when there is none."""
+        """Return a named pose other than `home`; `home` without another one."""
         home, named = self._tested.model.named("home"), self._tested.description.named
         others = (name for name in ("observe", "rest") if name in named)
         return next((name for name in others if not np.allclose(named[name], home)), "home")
@@ -397,17 +401,17 @@ class Trials:
             return speed, cell.time - begun
 
         speed, took = cell.perform(braked())
-        told = f"at rest {took:.2f} s after {100 * speed:.0f} % of the joints' speeds"
+        measured = f"at rest {took:.2f} s after {100 * speed:.0f} % of the joints' speeds"
         change = f"lower 'velocity' or raise 'acceleration' and 'torque' in {self._tested.file}"
-        return Verdict("brake", took <= MAX_BRAKING_TIME, told, change if took > MAX_BRAKING_TIME else "")
+        return Verdict("brake", took <= MAX_BRAKING_TIME, measured, change if took > MAX_BRAKING_TIME else "")
 
     def _retreat(self, cell: CellSession) -> Verdict:
         result = cell.run(SafeRetreat())
         if not result:
             return self._failed("soft retreat", result.cause, result.message)
         left = np.abs(cell.world.control.state.position - self._tested.model.named("home")).max()
-        told = f"home after {result.seconds:.1f} s, within {1000 * left:.1f} mrad"
-        return Verdict("soft retreat", True, told)
+        measured = f"home after {result.seconds:.1f} s, within {1000 * left:.1f} mrad"
+        return Verdict("soft retreat", True, measured)
 
     def _grip(self, cell: CellSession) -> Verdict:
         gripper, hand = self._tested.description.gripper, cell.world.gripper
@@ -415,27 +419,27 @@ class Trials:
         shut = cell.perform(hand.close(CLOSING_FORCE))
         took = cell.time - begun
         cell.perform(hand.open())
-        told = f"shut at {1000 * shut:.1f} mm after {took:.2f} s, open at {1000 * hand.width:.1f} mm"
+        measured = f"shut at {1000 * shut:.1f} mm after {took:.2f} s, open at {1000 * hand.width:.1f} mm"
         good = shut <= gripper.min_width + SHUT_OPENING and (
             abs(hand.width - gripper.max_width) <= SHUT_OPENING
         )
         change = f"look at 'pads:', 'max_width' and 'linkage:' under 'gripper:' in {self._tested.file}"
-        return Verdict("open and close", good, told, "" if good else change)
+        return Verdict("open and close", good, measured, "" if good else change)
 
     def _view(self, cell: CellSession) -> Verdict:
         shares = hidden_shares(self._tested.model, cell.world.description, self._tested.model.named("home"))
-        told = ", ".join(f"{name}: the arm hides {100 * share:.0f} %" for name, share in shares.items())
+        measured = ", ".join(f"{name}: the arm hides {100 * share:.0f} %" for name, share in shares.items())
         good = all(share <= MAX_HIDDEN_SHARE for share in shares.values())
         change = (
-            f"choose another 'home' under 'poses:' in {self._tested.file}: its arm stands before the camera, "
+            f"choose another 'home' under 'poses:' in {self._tested.file}: its arm is in the camera's view, "
             "and nothing below it is seen"
         )
-        told += " of the items' part of the table"
-        return Verdict("camera's view", good, told, "" if good else change)
+        measured += " of the items' part of the table"
+        return Verdict("camera's view", good, measured, "" if good else change)
 
     def _grasp(self, cell: CellSession, kind: str) -> Verdict:
         """Grasp an item and put it into its bin. After a touch on the way it retreats and tries once more: a
-        hand that leaves a bin may meet what lies there."""
+        hand that leaves a bin may touch the items there."""
         name = f"grasp a {kind}"
         verdict, cause = self._grasped(cell, kind, name)
         if cause == causes.world.DISTURBED.name and cell.run(SafeRetreat()):
@@ -462,12 +466,12 @@ class Trials:
         result = next((r for r in map(cell.run, steps) if not r), None)
         if result is not None:
             return self._failed(name, result.cause, result.message, places), result.cause
-        told = f"held and put into its bin, {cell.time:.1f} s after the cell's start"
-        return Verdict(name, True, told), ""
+        measured = f"held and put into its bin, {cell.time:.1f} s after the cell's start"
+        return Verdict(name, True, measured), ""
 
 
 _OWN = {"open and close": "'gripper:'", "camera's view": "'home' under 'poses:'"}
-"""Entry of a robot file that the failure of a trial goes back to, whatever its cause is."""
+"""Entry of a robot file that is responsible for a trial's failure, for any cause."""
 
 
 def cell_ticks(cell: CellSession, seconds: float) -> Generator[None]:

@@ -1,9 +1,9 @@
-"""Self-collision sampling: which pairs of links need no check.
+"""Self-collision sampling: pairs of links that need no check.
 
 As MoveIt's Setup Assistant does it, configurations are drawn evenly within the joints' limits, and each pair
 of links is counted as colliding or not. Adjacent pairs, and those that always or never collide, need no
-check. The planner takes each mesh as its hull. Neighbours of which only the hulls collide, as those of an
-arm that folds into its own hollow, need no check either. Coleman et al., "Reducing the Barrier to Entry of
+check. The planner takes each mesh as its hull. Neighbours of which only the hulls collide, as those of an arm
+that folds into its own hollow, need no check either. Coleman et al., "Reducing the Barrier to Entry of
 Complex Robotic Software: a MoveIt! Case Study", 2014.
 """
 
@@ -75,7 +75,7 @@ class SamplingTask:
     near: frozenset[frozenset[str]] = frozenset()
     """Pairs that may be `default` or `hulls`; other pairs that collide at `rest` truly collide."""
     meshes: Mapping[str, LinkGeometry] = field(default_factory=dict[str, LinkGeometry])
-    """Links as they are, with their hollows. Pairs of `near` are `hulls` when their hulls collide in some
+    """Meshes of the links with their hollows. Pairs of `near` are `hulls` when their hulls collide in some
     samples, and their meshes in none of these."""
 
 
@@ -163,7 +163,7 @@ def _reason(
 
 
 def _meshes_meet(question: SamplingTask, pair: tuple[str, str], configurations: Iterable[Array]) -> bool:
-    """Return whether the meshes of two links are nearer than COLLISION_DISTANCE in any configuration."""
+    """Whether the meshes of two links are nearer than COLLISION_DISTANCE in any configuration."""
     model, data = question.model, question.model.createData()
     bodies = [_surface(question.meshes[link]) for link in pair]
     frames = [model.getFrameId(link, pin.BODY) for link in pair]
@@ -198,7 +198,7 @@ def summary(found: SelfCollisionReport) -> Mapping[Reason, int]:
 def sample_links(
     model: RobotModel, meshes: Mapping[str, LinkGeometry], samples: int, seed: int
 ) -> SelfCollisionReport:
-    """Sample the self-collisions of a robot's links, and return which pairs need no check."""
+    """Sample the self-collisions of a robot's links, and return the pairs that need no check."""
     description = model.description
     geometry = pin.GeometryModel()
     for piece in robot_geometry(model):
@@ -244,13 +244,13 @@ def _joints_between(skeleton: urdf_parser.UrdfTree, pair: frozenset[str]) -> tup
 
 
 def _is_near(skeleton: urdf_parser.UrdfTree, pair: frozenset[str]) -> bool:
-    """Return whether at most two moving joints are between two links of one chain."""
+    """Whether at most two moving joints are between two links of one chain."""
     between = _joints_between(skeleton, pair)
     return between is not None and sum(skeleton.joints[name].type in MOVING for name in between) <= 2
 
 
 def _adjacent(skeleton: urdf_parser.UrdfTree, pair: frozenset[str], solid: frozenset[str]) -> bool:
-    """Return whether one moving joint is between two links, and no other link with geometry."""
+    """Whether one moving joint is between two links, and no other link with geometry."""
     between = _joints_between(skeleton, pair)
     if between is None or sum(skeleton.joints[name].type in MOVING for name in between) != 1:
         return False

@@ -47,11 +47,11 @@ class RobotSummary:
     """Number of pairs without a check, by reason."""
     checked_pairs: int = 0
     seen_only: tuple[str, ...] = ()
-    """Links without collision geometry, which collide as they are seen."""
+    """Links without collision geometry, which collide with their visual geometry."""
     findings: tuple[str, ...] = ()
     picture: str = ""
     test: RobotTestResult | None = None
-    """Self-test; None: it was not wanted."""
+    """Self-test; None: not requested."""
 
     def to_text(self) -> str:
         lines = [f"{self.name}: an arm of {len(self.joints)} joints, {self.file}", f"urdf        {self.urdf}"]
@@ -81,7 +81,7 @@ class RobotSummary:
             lines.append(f"collision   {self.unchecked_pairs} pairs of links are not checked")
         if self.seen_only:
             links = listed(self.seen_only, 6)
-            lines.append(f"shapes      without <collision>, colliding as they are seen: {links}")
+            lines.append(f"shapes      without <collision>, using <visual> for collisions: {links}")
         for k, finding in enumerate(self.findings):
             lines.append(f"{'look at' if k == 0 else '':<12}{finding}")
         if self.picture:

@@ -24,7 +24,7 @@ TOOL_DOWN_RPY = (math.pi, 0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class GoalAttempt:
-    """One way to reach the goal: motions, each from the end of the one before."""
+    """Attempt to reach the goal: motions, each from the end of the one before."""
 
     name: str
     """Name of the grasp; empty for goals without one."""
@@ -41,7 +41,7 @@ class ParsedGoal:
 
 
 def parse_goal(world: World, text: str, request: Request, *, line: bool) -> ParsedGoal:
-    """Parse the goal of `--to`; `request` has all else of each motion. Raises PicktreeError."""
+    """Parse the goal of `--to`; `request` has the other values of each motion. Raises PicktreeError."""
     if "," in text:
         numbers = text.split(",")
         pose = _pose(numbers)
@@ -130,7 +130,7 @@ def _pose(words: Sequence[str]) -> Pose:
 
 
 def quantity(option: str, text: str, unit: str) -> float:
-    """A number with a unit, in SI. Raises PicktreeError.
+    """Parse a number with a unit into SI. Raises PicktreeError.
 
     >>> quantity("--clearance", "20 mm", "m")
     0.02
@@ -148,6 +148,6 @@ def _unknown(world: World, text: str) -> str:
         ("objects", [str(o.id) for o in world.scene.objects]),
     )
     close = get_close_matches(text, [name for _, names in groups for name in names], n=1)
-    meant = f"; did you mean {close[0]!r}?" if close else ""
+    suggestion = f"; did you mean {close[0]!r}?" if close else ""
     lists = "".join(f"\n  {what}: {', '.join(names)}" for what, names in groups if names)
-    return f"--to {text}: there is no such pose, bin or object{meant}{lists}"
+    return f"--to {text}: there is no such pose, bin or object{suggestion}{lists}"

@@ -80,7 +80,8 @@ class TreeAnswers:
         context: MissionContext,
         known: Container[str],
     ) -> list[dict[str, Any]]:
-        """Return the trees of a text; of those whose `content` is among `known`, the place only."""
+        """Return the trees of a text. For trees whose `content` is among `known` only the place is
+        returned."""
         places, found = PageText(text), list[dict[str, Any]]()
         for tree in trees:
             body = self._kept.get(tree.body)
@@ -138,7 +139,7 @@ def _port(port: mission_outline.OutlinePort, units: Callable[[int], int]) -> dic
 def palette_values(
     context: MissionContext, own: Iterable[NodeDeclaration], library: Iterable[tuple[NodeDeclaration, str]]
 ) -> list[dict[str, Any]]:
-    """Return nodes and sub-trees that may be added, with what the reference says of them."""
+    """Return nodes and sub-trees that may be added, with their reference."""
     causes = context.registry.causes
     found: list[dict[str, Any]] = []
     taken: set[str] = set()
@@ -166,7 +167,7 @@ def _entry(entry: node_reference.NodeEntry) -> dict[str, Any]:
 
 
 def faults(path: Path, text: str) -> list[dict[str, Any]]:
-    """Return what `picktree check` says of a text, with places in UTF-16 units."""
+    """Return the faults that `picktree check` finds in a text, with places in UTF-16 units."""
     places = PageText(text)
     return [
         {
@@ -192,7 +193,7 @@ def rehearsal(path: Path, text: str, cases: Path | None, names: tuple[str, ...])
 
 
 def _coverage(result: Rehearsal) -> dict[str, dict[str, Any]]:
-    """Return by node how many of its points are reached, and sentences about the others."""
+    """Return the number of reached points by node, and sentences about the others."""
     found: dict[str, dict[str, Any]] = {}
     for point in result.coverage.points:
         entry = found.setdefault(point.node, {"reached": 0, "total": 0, "missed": []})
@@ -225,7 +226,7 @@ def palette(path: Path, text: str) -> dict[str, Any]:
 
 
 def form(path: Path, text: str, node: str) -> dict[str, Any]:
-    """Return what may be given to the ports of a node, and the keys of its tree's blackboard."""
+    """Return the possible values of a node's ports, and the keys of its tree's blackboard."""
     texts = _texts()
     context, reading = texts.read(path, text)
     found = context.outline(reading.source)
@@ -250,7 +251,7 @@ def form(path: Path, text: str, node: str) -> dict[str, Any]:
 
 
 def completion(path: Path, text: str, line: int, character: int) -> dict[str, Any] | None:
-    """Return what may be written at a place; None for nothing."""
+    """Return the proposals at a place; None without any."""
     file, place = _texts().file(path, text), _cursor(text, line, character)
     found = file.complete(place)
     if found is None:
@@ -265,7 +266,7 @@ def completion(path: Path, text: str, line: int, character: int) -> dict[str, An
 
 
 def documentation(path: Path, text: str, line: int, character: int) -> dict[str, Any] | None:
-    """Return the documentation of what stands at a place as Markdown; None for nothing."""
+    """Return the documentation of the word at a place as Markdown; None without any."""
     found = _texts().file(path, text).hover(_cursor(text, line, character))
     return None if found is None else {**PageText(text).range(found[0]), "text": found[1]}
 

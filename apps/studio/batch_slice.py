@@ -72,7 +72,7 @@ def batch_folders(workspace: Workspace) -> list[Path]:
 
 
 class BatchFolder:
-    """One batch. Nothing is written into its folder but by the commands that run it."""
+    """Batch in its folder. Only the commands that run it write into the folder."""
 
     def __init__(self, place: Path) -> None:
         """Take a folder. Raises PicktreeError when it holds no batch."""
@@ -81,7 +81,7 @@ class BatchFolder:
             raise PicktreeError(f"{place.name} is no batch: there is no {PLAN_FILE} in it")
 
     def plan(self) -> Mapping[str, Any]:
-        """Return the plan as it is recorded. Raises PicktreeError when it cannot be read."""
+        """Return the recorded plan. Raises PicktreeError when it cannot be read."""
         try:
             plan: object = orjson.loads((self.place / PLAN_FILE).read_bytes())
         except (OSError, orjson.JSONDecodeError) as error:
@@ -91,7 +91,7 @@ class BatchFolder:
         return cast("Mapping[str, Any]", plan)
 
     def stamp(self) -> tuple[object, ...]:
-        """Return what changes when results are recorded, or the process begins or ends."""
+        """Return a stamp that changes when results are recorded, or the process begins or ends."""
         stamps: list[object] = [self.runner()]
         for name in (RESULTS_FILE, f"{RESULTS_FILE}-wal"):
             with suppress(OSError):
@@ -100,7 +100,7 @@ class BatchFolder:
         return tuple(stamps)
 
     def runner(self) -> int | None:
-        """Return the number of the process that runs the batch; None when none does."""
+        """Return the number of the process that runs the batch; None without one."""
         try:
             lock = os.open(self.place / LOCK_FILE, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
         except OSError:
@@ -154,7 +154,7 @@ class BatchFolder:
     def jobs_behind(self, what: Behind, value: str, label: str) -> list[dict[str, JsonValue]]:
         """Return the jobs that a figure counts; `label`: of one recipe, or of all (empty).
 
-        Raises PicktreeError for a place that is none.
+        Raises PicktreeError for an invalid place.
         """
         values: dict[str, object] = {"value": value, "label": label, "side": CELL_SIDE}
         if what == "place":
@@ -192,7 +192,7 @@ def _is_batch(process: int) -> bool:
 
 
 def newest_first(folders: list[Path]) -> Iterator[BatchFolder]:
-    """Yield the batches, the one that was written last first."""
+    """Yield the batches, the last written one first."""
 
     def written(folder: Path) -> float:
         with suppress(OSError):
@@ -216,14 +216,14 @@ _WORDS: Final = frozenset({"true", "false", "null", "yes", "no", "on", "off"})
 def form_of(text: str) -> Mapping[str, JsonValue]:
     """Return the keys of a plan with their values. Raises FileError for a text that is no YAML."""
     value = read(text, "plan").root.value
-    given = value if isinstance(value, dict) else {}
-    return {key: given[key] for key in KEYS if key in given}  # type: ignore[misc]
+    entries = value if isinstance(value, dict) else {}
+    return {key: entries[key] for key in KEYS if key in entries}  # type: ignore[misc]
 
 
 def with_key(text: str, key: str, value: JsonValue) -> str:
-    """Return the text with one key changed; None takes it out. All other lines stay as they are.
+    """Return the text with one key changed; None takes it out. All other lines are unchanged.
 
-    Raises FileError for a text that is no YAML, PicktreeError for one whose keys cannot be told by lines.
+    Raises FileError for a text that is no YAML, PicktreeError for one whose keys are not on separate lines.
     """
     if key not in KEYS:
         raise PicktreeError(f"a plan has no key {key!r}")
@@ -263,11 +263,11 @@ def _yaml(value: JsonValue) -> str:
     return orjson.dumps(value).decode()
 
 
-PATIENCE: Final = 120.0
-"""Longest time that a question to a command may take, wall s."""
+COMMAND_TIMEOUT: Final = 120.0
+"""Time limit of a query by a command, wall s."""
 _PERIOD: Final = 0.4
-_AT_ONCE: Final = 2
-"""Number of commands that answer questions at once."""
+_MAX_COMMANDS: Final = 2
+"""Maximum number of concurrent query commands."""
 Workers = Annotated[int, Field(ge=1, le=256)]
 
 
@@ -277,7 +277,7 @@ class BatchSlice(Slice):
     def __init__(self, studio: Studio) -> None:
         self._workspace = studio.workspace
         self._jobs = studio.jobs
-        self._slots = asyncio.Semaphore(_AT_ONCE)
+        self._slots = asyncio.Semaphore(_MAX_COMMANDS)
 
     # Plans.
 
@@ -288,12 +288,12 @@ class BatchSlice(Slice):
 
     @call("plans.change")
     async def change(self, text: str, key: str, value: JsonValue) -> str:
-        """Return the text of a plan with one key changed; all other lines stay as they are."""
+        """Return the text of a plan with one key changed; all other lines are unchanged."""
         return with_key(text, key, value)
 
     @call("plans.check")
     async def check(self, path: str, text: str, workers: Workers | None = None) -> JsonValue:
-        """Return the faults of a plan's text; when there is none its matrix, and what it will cost."""
+        """Return the faults of a plan's text; without faults its matrix and expected cost."""
         place = self._workspace.resolve(path)
         words = ["batch", "plan", str(place), "--stdin", "--json", "--runs", str(self._runs())]
         words += [] if workers is None else ["--workers", str(workers)]
@@ -342,12 +342,12 @@ class BatchSlice(Slice):
     @watch("batches.index")
     async def index(self) -> AsyncIterator[JsonValue]:
         """Yield the batches of the folder with their progress, the last written first, when one changes."""
-        told: list[object] | None = None
+        last: list[object] | None = None
         while True:
             batches = await asyncio.to_thread(lambda: list(newest_first(batch_folders(self._workspace))))
             stamps: list[object] = [(str(each.place), each.stamp()) for each in batches]
-            if stamps != told:
-                told = stamps
+            if stamps != last:
+                last = stamps
                 yield await asyncio.to_thread(self._rows_of, batches)
             await asyncio.sleep(3 * _PERIOD)
 
@@ -369,11 +369,11 @@ class BatchSlice(Slice):
     @watch("batches.progress")
     async def progress(self, id: str) -> AsyncIterator[JsonValue]:
         """Yield the progress of a batch whenever a job ends, or its process begins or ends."""
-        batch, told = self._batch(id), None
+        batch, last = self._batch(id), None
         while True:
             stamp = await asyncio.to_thread(batch.stamp)
-            if stamp != told:
-                told = stamp
+            if stamp != last:
+                last = stamp
                 yield {"id": id, **await asyncio.to_thread(batch.progress)}
             await asyncio.sleep(_PERIOD)
 
@@ -406,7 +406,7 @@ class BatchSlice(Slice):
 
     @call("batches.resume")
     async def resume(self, id: str, workers: Workers | None = None) -> int:
-        """Go on with a batch; return the job's number."""
+        """Resume a batch; return the job's number."""
         batch = self._batch(id)
         if await asyncio.to_thread(batch.runner) is not None:
             raise PicktreeError("another process runs this batch")
@@ -442,9 +442,11 @@ class BatchSlice(Slice):
         return self._jobs.start("Write the page", command, result=address).number
 
     async def _answer(self, words: list[str], text: str = "", codes: tuple[int, ...] = (0,)) -> bytes:
-        """Return what a command prints. Raises PicktreeError with what it said when it failed."""
+        """Return the output of a command. Raises PicktreeError with its message when it failed."""
         async with self._slots:
-            out = await command_answer(words, PATIENCE, text=text, folder=self._workspace.root, codes=codes)
+            out = await command_answer(
+                words, COMMAND_TIMEOUT, text=text, folder=self._workspace.root, codes=codes
+            )
         if not out.strip():
             raise PicktreeError(f"picktree {' '.join(words[:2])} said nothing")
         return out

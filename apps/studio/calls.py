@@ -75,7 +75,7 @@ class Registry:
                 self._endpoints[name] = Endpoint(method, _arguments(name, method), is_watch)
 
     def find(self, name: object, *, is_watch: bool) -> Endpoint:
-        """Return the endpoint of a name. Raises PicktreeError when there is none."""
+        """Return the endpoint of a name. Raises PicktreeError for an unknown name."""
         found = self._endpoints.get(name) if isinstance(name, str) else None
         if found is None or found.is_watch is not is_watch:
             shown = name if isinstance(name, str) and len(name) < 80 else "?"
@@ -92,10 +92,10 @@ def _arguments(name: str, method: Callable[..., object]) -> type[BaseModel]:
     return create_model(name, __config__=ConfigDict(extra="forbid", strict=True), **fields)
 
 
-def checked(endpoint: Endpoint, given: object) -> Mapping[str, Any]:
+def checked(endpoint: Endpoint, arguments: object) -> Mapping[str, Any]:
     """Return the arguments of a call. Raises PicktreeError that names each argument that does not fit."""
     try:
-        model = endpoint.arguments.model_validate_json(json.dumps({} if given is None else given))
+        model = endpoint.arguments.model_validate_json(json.dumps({} if arguments is None else arguments))
     except ValidationError as error:
         parts = (f"{'.'.join(str(part) for part in each['loc'])}: {each['msg']}" for each in error.errors())
         raise PicktreeError("; ".join(parts)) from None
@@ -111,7 +111,7 @@ def error_values(error: PicktreeError) -> dict[str, JsonValue]:
 
 
 def fault_values(fault: Diagnostic) -> dict[str, JsonValue]:
-    """Return a fault of a file: place, message, advice, code and severity."""
+    """Return a fault of a file as JSON: place, message, advice, code and severity."""
     return {
         "file": fault.mark.file,
         "line": fault.mark.line,

@@ -28,19 +28,19 @@ from picktree.files.yaml import Document, read_document
 from picktree.trees import LIBRARY, MAIN, FilesOnDisk, MissionDiagnostics, NodeDeclaration, path_of
 from picktree.trees.loading import PLUGINS_VARIABLE, IncludeReader, NodeRegistry, TreePorts, installed_entries
 
-_KEPT: Final = 16
+_MAX_CACHED_CONTEXTS: Final = 16
 
 
 @dataclass(frozen=True, slots=True)
 class ReadText:
-    """Text as far as it can be read. `whole` is false where a fault of form had to be repaired for it."""
+    """Readable part of a text. `whole` is false when a fault of form had to be repaired."""
 
     source: Source
     whole: bool
 
 
 def read_text(text: str, file: str) -> ReadText | None:
-    """Read a text that is being written; None when nothing of it can be read."""
+    """Read a text that is being edited; None when it cannot be read at all."""
     try:
         return ReadText(source_of(text), True)
     except yaml.YAMLError:
@@ -63,7 +63,7 @@ class MissionContext:
         self.registry = registry
         self.included = included
         self.left_out = left_out
-        """Reason why nodes of plug-ins are missing; empty: none are."""
+        """Reason for missing nodes of plug-ins; empty: none is missing."""
         self._symbols: dict[str, str] = {}
         self._known: dict[str, NodeDeclaration | None] = {}
 
@@ -104,7 +104,7 @@ class MissionContexts:
         found = self._kept.get(key)
         if found is None:
             found = self._kept[key] = self._made(path, included, plugins)
-            while len(self._kept) > _KEPT:
+            while len(self._kept) > _MAX_CACHED_CONTEXTS:
                 self._kept.popitem(last=False)
         self._kept.move_to_end(key)
         return found
@@ -115,9 +115,11 @@ class MissionContexts:
         documents = _included(path, included)
         named = [(plugin, path.parent) for plugin in plugins]
         for document in documents:
-            given = document.data.get("plugins")
-            if isinstance(given, list):
-                named += [(plugin, document.path.parent) for plugin in given if isinstance(plugin, str)]
+            plugin_names = document.data.get("plugins")
+            if isinstance(plugin_names, list):
+                named += [
+                    (plugin, document.path.parent) for plugin in plugin_names if isinstance(plugin, str)
+                ]
         for plugin, folder in named:
             try:
                 registry.add_plugin(plugin, folder)

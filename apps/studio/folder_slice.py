@@ -37,7 +37,7 @@ class FolderSlice(Slice):
 
     @call("folder.state")
     async def state(self) -> JsonValue:
-        """Return the folder's name, its trust, and what it holds."""
+        """Return the folder's name, its trust, and its content."""
         files = await asyncio.to_thread(self._workspace.files)
         return {
             "folder": str(self._workspace.root),
@@ -85,18 +85,18 @@ class FolderSlice(Slice):
 
     @call("files.write")
     async def write(self, path: str, text: str, version: str | None = None) -> JsonValue:
-        """Write a text file; `version` is what `files.read` returned, none for a new file."""
+        """Write a text file; `version` is the one from `files.read`, none for a new file."""
         written = await asyncio.to_thread(self._workspace.write, path, text, version)
         self._workspace.state.keep_draft(path, None)
         return asdict(written)
 
     @call("files.drafted")
     async def drafted(self, path: str) -> str | None:
-        """Return what was typed under a path and not saved; none when there is nothing."""
+        """Return the unsaved text of a path; none without one."""
         return self._workspace.state.draft(path)
 
     @call("files.draft")
     async def draft(self, path: str, text: str | None) -> None:
-        """Keep what was typed and is not saved yet; none: forget it."""
+        """Keep an unsaved text; none: forget it."""
         self._workspace.resolve(path)
         await asyncio.to_thread(self._workspace.state.keep_draft, path, text)

@@ -1,6 +1,4 @@
-"""Run that goes on in another process, as the studio follows it: its picture, and one connection for all
-viewers.
-"""
+"""Run in another process that the studio follows: its picture, and one connection for all viewers."""
 
 from __future__ import annotations
 
@@ -65,7 +63,7 @@ class RunPicture:
         self._transitions: deque[JsonValue] = deque(maxlen=MAX_TRANSITIONS)
         self._fresh: dict[str, list[JsonValue]] = {"rows": [], "lines": [], "transitions": []}
         self._last: dict[str, LogMessage] = {}
-        """Last messages that are decoded only when somebody looks."""
+        """Last messages that are decoded only for a viewer."""
         self._fixed: tuple[log_records.PartRecord, ...] = ()
         self._shapes: dict[tuple[object, ...], str] = {}
         self._force: Sequence[float] = ()
@@ -163,7 +161,7 @@ class RunPicture:
     # For the viewers.
 
     def changes(self) -> dict[str, JsonValue]:
-        """Return what has changed since the last call; empty when nothing has."""
+        """Return the changes since the last call; empty without changes."""
         self._decode()
         event: dict[str, JsonValue] = {name: self._state[name] for name in self._changed}
         event.update({name: entries for name, entries in self._new.items() if entries})
@@ -175,7 +173,7 @@ class RunPicture:
         return event
 
     def whole(self) -> dict[str, JsonValue]:
-        """Return everything, for a viewer that comes, or that was too slow."""
+        """Return everything, for a new viewer, or one that was too slow."""
         return {
             **self._state,
             "whole": True,
@@ -249,10 +247,10 @@ class RunPicture:
 
 PERIOD: Final = 0.05
 """Interval between two events for a viewer, wall s."""
-GRACE: Final = 10.0
+DISCONNECT_DELAY: Final = 10.0
 """Time for which the connection stays when the last viewer has left, wall s; a stop lasts as long."""
 HISTORY: Final = 120.0
-"""Simulated time before the first viewer of which all is read from the log, s; before it, the lines."""
+"""Simulated time before the first viewer that is read completely from the log, s; earlier only lines."""
 MAX_VIEWERS: Final = 16
 """Number of viewers of one run."""
 _REPLY_TIME: Final = 30.0
@@ -270,7 +268,7 @@ _HISTORY_TOPICS: Final = (
 )
 _LOG_TRIES: Final = 40
 _LOG_PERIOD: Final = 0.05
-"""Number of looks at the log until it has what the run has sent, and the time between them, wall s."""
+"""Number of looks at the log until it has what the run has sent, and the interval between them, wall s."""
 _LOG: Final = logging.getLogger("picktree.apps.studio")
 
 
@@ -278,7 +276,7 @@ class FollowedRun:
     """Connection to one run, and its picture for the viewers.
 
     It steers, so that stops and questions wait for its viewers. It ends with the run, or some time after the
-    last viewer has left; the run then goes on.
+    last viewer has left; the run then continues.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -304,7 +302,7 @@ class FollowedRun:
             while not (first and "statuses" in first[-1][0]):
                 first.append(await _receive(reader))
         except (EOFError, OSError, ValueError):
-            raise PicktreeError(f"{self.folder}: the run is not going on") from None
+            raise PicktreeError(f"{self.folder}: the run is not in progress") from None
         began = max((at for _, log in first for _, at, _ in log), default=0)
         await asyncio.to_thread(self._start_picture, began / 1e9, first)
         self._tasks = [asyncio.create_task(self._read(reader)), asyncio.create_task(self._publish())]
@@ -333,10 +331,10 @@ class FollowedRun:
         finally:
             self._viewers.remove(viewer)
             if not self._viewers and not self.ended:
-                self._leaving = asyncio.get_running_loop().call_later(GRACE, self.leave)
+                self._leaving = asyncio.get_running_loop().call_later(DISCONNECT_DELAY, self.leave)
 
     async def command(self, line: str) -> str:
-        """Carry out a command line of `picktree attach`; return what it says.
+        """Carry out a command line of `picktree attach`; return its output.
 
         Raises PicktreeError when the run has ended, or does not answer.
         """
@@ -353,7 +351,7 @@ class FollowedRun:
             raise PicktreeError(f"the run has not answered for {_REPLY_TIME:g} s") from None
 
     def leave(self) -> None:
-        """End the connection; the run goes on."""
+        """End the connection; the run continues."""
         self.ended = True
         if self._writer is not None:
             self._writer.close()
@@ -416,7 +414,7 @@ class FollowedRun:
             self._take(received, messages)
 
     async def _read(self, reader: asyncio.StreamReader) -> None:
-        """Take what the run sends, until it ends."""
+        """Receive the run's messages until its end."""
         try:
             while True:
                 self._take(*await _receive(reader))

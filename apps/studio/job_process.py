@@ -26,7 +26,7 @@ _PERIOD: Final = 0.1
 
 
 def shorten(file: Path) -> None:
-    """Leave out the beginning of an output that is too large. What is written meanwhile may be lost."""
+    """Leave out the beginning of an output that is too large. Output during the shortening may be lost."""
     if file.stat().st_size <= MAX_OUTPUT:
         return
     with file.open("r+b") as opened:

@@ -26,17 +26,17 @@ from .job_process import SHORTENED
 from .workspace import Workspace
 
 Outcome: TypeAlias = Literal["running", "done", "no", "failed", "stopped"]
-"""`no`: exit code 1, which is the answer no; `failed`: bad input or a fault."""
+"""Outcome of a job. `no`: exit code 1, which is the answer no; `failed`: bad input or a fault."""
 _OUTCOMES: Final = frozenset({"running", "done", "no", "failed", "stopped"})
 
 
 @dataclass(frozen=True, slots=True)
 class ProcessMark:
-    """A process of this machine, told from a later one with the same number."""
+    """Identity of a process of this machine, distinct from a later one with the same number."""
 
     number: int
     began: str
-    """Time of its start since the boot, in ticks of the kernel, and the boot."""
+    """Start of the process since the boot, in ticks of the kernel, and the id of the boot."""
 
     @property
     def alive(self) -> bool:
@@ -45,7 +45,7 @@ class ProcessMark:
 
 
 def mark_of(number: int) -> ProcessMark | None:
-    """Return the mark of a process that runs; None when there is none of the number."""
+    """Return the mark of a running process; None without a process of that number."""
     try:
         # After the name, which may hold blanks and brackets: the state, and as the 20th word the start.
         words = Path(f"/proc/{number}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
@@ -57,25 +57,25 @@ def mark_of(number: int) -> ProcessMark | None:
 
 @dataclass(slots=True)
 class Job:
-    """One command that runs or has run, as its record has it."""
+    """Job: a command that runs or has run, as in its record."""
 
     number: int
     title: str
     command: tuple[str, ...]
     """Words after `picktree`."""
     output: Path
-    """File with what it wrote on stdout and stderr."""
+    """File with its stdout and stderr."""
     began: float = field(default_factory=time.time)
     """Unix time, s."""
     process: ProcessMark | None = None
-    """Process of the command, which leads a session of its own; None: it ended as it began."""
+    """Process of the command, which leads a session of its own; None: it ended at its start."""
     server: ProcessMark | None = None
     result: str = ""
-    """Address in the page of what it makes, as `#/run/…` or `/files/…`; empty: none is known."""
+    """Address of its result in the page, as `#/run/…` or `/files/…`; empty: unknown."""
     finish: str = ""
     """Name of the function that completes the result at the end; empty: none."""
     keeps_on: bool = False
-    """Whether it goes on when the server ends by itself."""
+    """Whether it keeps running when the server ends by itself."""
     ended: float | None = None
     """Unix time, s."""
     outcome: Outcome = "running"
@@ -179,8 +179,8 @@ async def command_answer(
                 os.killpg(process.pid, signal.SIGKILL)
             await process.wait()
     if process.returncode not in codes:
-        said = errors.decode("utf-8", "replace").strip()[-2000:]
-        raise PicktreeError(said or f"picktree {name} failed")
+        message = errors.decode("utf-8", "replace").strip()[-2000:]
+        raise PicktreeError(message or f"picktree {name} failed")
     return out
 
 
@@ -193,7 +193,7 @@ MAX_KEPT: Final = 100
 STATUS_VARIABLE: Final = "PICKTREE_STATUS"
 """Environment variable that makes commands write their status line where stderr is no terminal."""
 _JOB_MODULE: Final = f"{__package__}.job_process"
-_GRACE: Final = 20.0
+_STOP_TIMEOUT: Final = 20.0
 """Time for a stopped job to end by itself, wall s."""
 _OUTPUT_SHOWN: Final = 20_000
 _PERIOD: Final = 0.25
@@ -214,14 +214,14 @@ def job_json(job: Job) -> dict[str, JsonValue]:
 
 
 def job_text(job: Job) -> str:
-    """Return the end of what a job wrote, without control characters of terminals."""
+    """Return the end of a job's output, without control characters of terminals."""
     with suppress(OSError):
         return _plain(_tail(job.output, _OUTPUT_SHOWN))
     return ""
 
 
 def shown_output(job: Job) -> str:
-    """Return the end of what a job wrote, below a line that says so when there was more."""
+    """Return the end of a job's output, below a note when the beginning is left out."""
     text = job_text(job)
     with suppress(OSError), job.output.open("rb") as opened:
         size = os.fstat(opened.fileno()).st_size
@@ -233,7 +233,7 @@ def shown_output(job: Job) -> str:
 
 
 def last_line(file: Path) -> str:
-    """Return the last line of an output that is not empty, such as a status line that was written over."""
+    """Return the last non-empty line of an output, such as an overwritten status line."""
     with suppress(OSError):
         lines = [line.strip() for line in _plain(_tail(file, 4000)).splitlines()]
         return next((line for line in reversed(lines) if line), "")[:300]
@@ -247,7 +247,7 @@ def _tail(file: Path, size: int) -> str:
 
 
 def _plain(text: str) -> str:
-    """Return an output as a terminal shows it in the end: of a line that was written over, the last state.
+    """Return the final output on a terminal: of an overwritten line only the last state.
 
     >>> _plain("\\r\\x1b[2Kframe 1 of 2\\r\\x1b[2Kframe 2 of 2\\r\\x1b[2Kfilm.mp4: 2 frames\\n")
     'film.mp4: 2 frames\\n'
@@ -339,7 +339,7 @@ class Jobs:
         return job
 
     def write(self, job: Job) -> None:
-        """Keep what was changed of a job, for a later server."""
+        """Keep the changes of a job, for a later server."""
         self._records.write(job)
 
     def _watch(self, job: Job) -> None:
@@ -396,7 +396,7 @@ class Jobs:
         job.outcome = "stopped"
         self._records.write(job)
         _signal(job, signal.SIGINT)
-        end = time.monotonic() + _GRACE
+        end = time.monotonic() + _STOP_TIMEOUT
         while self._runs(job) and time.monotonic() < end:
             await asyncio.sleep(0.05)
         if self._runs(job):
@@ -404,7 +404,7 @@ class Jobs:
 
     @call("jobs.output")
     async def output(self, number: int) -> str:
-        """Return the end of what a job wrote."""
+        """Return the end of a job's output."""
         return await asyncio.to_thread(shown_output, self._job(number))
 
     @watch("jobs.watch")
@@ -422,7 +422,7 @@ class Jobs:
                 await asyncio.wait_for(changed.wait(), _PERIOD if running else None)
 
     async def close(self) -> None:
-        """End the jobs that do not go on without the server."""
+        """End the jobs that do not keep running without the server."""
         for job in list(self._jobs.values()):
             if job.ended is None and not job.keeps_on and self._runs(job):
                 job.outcome = "stopped"

@@ -34,7 +34,7 @@ MAX_SEED: Final = 2**31 - 1
 
 
 class RunOrder(BaseModel):
-    """Order for a run, as the page's form has it. Paths are below the folder."""
+    """Order for a run, from the page's form. Paths are below the folder."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
@@ -54,7 +54,8 @@ class RunOrder(BaseModel):
 
 
 def start_form(workspace: Workspace, mission: str) -> JsonValue:
-    """Return what a mission and the folder offer for a run. Raises PicktreeError with the file's faults."""
+    """Return the possible settings of a run by its mission and folder. Raises PicktreeError with the file's
+    faults."""
     loaded = load_mission(workspace.resolve(mission), NodeRegistry())
     files = workspace.files()
     return {
@@ -102,7 +103,7 @@ def run_command(workspace: Workspace, order: RunOrder, runs: Path) -> list[str]:
 
 
 def _named(workspace: Workspace, name: str, shipped: tuple[str, ...]) -> str:
-    """Return a shipped name as it is, a file below the folder as its path."""
+    """Return a shipped name unchanged, a file below the folder as its path."""
     if name in shipped:
         return name
     with suppress(PicktreeError):
@@ -113,10 +114,10 @@ def _named(workspace: Workspace, name: str, shipped: tuple[str, ...]) -> str:
 
 
 MAX_RUNS: Final = 4
-"""Number of runs of the folder that may go on at once."""
+"""Maximum number of concurrent runs of the folder."""
 _LIVE: Final = "#/live/"
 _ENDED: Final = "live.ended"
-"""Name of what is done at the end of a run's job."""
+"""Name of the finisher of a run's job."""
 _PERIOD: Final = 0.5
 _START_TIME: Final = 120.0
 """Time for a new run to appear, wall s: a robot is read, and its meshes are made when they are new."""
@@ -126,7 +127,7 @@ _MAX_DEPTH: Final = 3
 
 
 class LiveSlice(Slice):
-    """Calls on runs that go on. They are found by the sockets in their folders, whoever started them."""
+    """Calls on runs in progress. They are found by the sockets in their folders, whoever started them."""
 
     def __init__(self, studio: Studio) -> None:
         self._workspace = studio.workspace
@@ -143,10 +144,10 @@ class LiveSlice(Slice):
 
     @watch("live.runs")
     async def runs(self) -> AsyncIterator[JsonValue]:
-        """Yield the runs of the folder that go on, again whenever they change."""
+        """Yield the folder's runs in progress, again whenever they change."""
         before: list[JsonValue] | None = None
         while True:
-            now = await asyncio.to_thread(self._going_on)
+            now = await asyncio.to_thread(self._runs_in_progress)
             if now != before:
                 yield now
                 before = now
@@ -154,7 +155,7 @@ class LiveSlice(Slice):
 
     @call("live.form")
     async def form(self, mission: str) -> JsonValue:
-        """Return what a mission and the folder offer for a run."""
+        """Return the possible settings of a run by its mission and folder."""
         return await asyncio.to_thread(start_form, self._workspace, mission)
 
     @call("live.start")
@@ -163,14 +164,14 @@ class LiveSlice(Slice):
 
         Raises PicktreeError with what it wrote when it ends before.
         """
-        if len(await asyncio.to_thread(self._going_on)) >= MAX_RUNS:
-            raise PicktreeError(f"{MAX_RUNS} runs go on in this folder; wait for one, or halt one")
+        if len(await asyncio.to_thread(self._runs_in_progress)) >= MAX_RUNS:
+            raise PicktreeError(f"{MAX_RUNS} runs are in progress in this folder; wait for one, or halt one")
         runs = self._workspace.root / "runs"
         command = await asyncio.to_thread(run_command, self._workspace, order, runs)
         job = self._jobs.start(f"Run {order.mission}", command, keeps_on=True, finish=_ENDED)
-        return await self._appeared(job)
+        return await self._identity_of(job)
 
-    async def _appeared(self, job: Job) -> str:
+    async def _identity_of(self, job: Job) -> str:
         """Return the identity of the job's run when its socket is there."""
         end = time.monotonic() + _START_TIME
         while time.monotonic() < end:
@@ -187,7 +188,7 @@ class LiveSlice(Slice):
 
     @watch("live.follow")
     async def follow(self, id: str) -> AsyncIterator[JsonValue]:
-        """Yield everything about a run at first, then what changes, until it ends."""
+        """Yield everything about a run at first, then the changes, until it ends."""
         run = await self._run(id)
         async for event in run.events():
             yield event
@@ -200,19 +201,19 @@ class LiveSlice(Slice):
 
     @call("live.command")
     async def command(self, id: str, line: str) -> str:
-        """Carry out a command of `picktree attach` in a run; return what it says."""
+        """Carry out a command of `picktree attach` in a run; return its output."""
         run = await self._run(id)
         return await run.command(line)
 
     @call("live.take")
     async def take(self, id: str, mission: str) -> str:
-        """Let a mission of the folder take over between two items; return what is said of it."""
+        """Let a mission of the folder take over between two items; return the run's message about it."""
         file = self._workspace.resolve(mission)
         run = await self._run(id)
         return await run.command(f"take {file}")
 
     async def _run(self, id: str) -> FollowedRun:
-        """Return the run of an identity, connected. Raises PicktreeError when it is not going on."""
+        """Return the run of an identity, connected. Raises PicktreeError when it is not in progress."""
         async with self._beginning.setdefault(id, asyncio.Lock()):
             known = self._followed.get(id)
             if known is None or known.ended:
@@ -224,8 +225,8 @@ class LiveSlice(Slice):
                 self._followed[id] = known
             return known
 
-    def _going_on(self) -> list[JsonValue]:
-        """Return the runs that go on, newest first."""
+    def _runs_in_progress(self) -> list[JsonValue]:
+        """Return the runs in progress, newest first."""
         found = [folder for folder in self._sockets() if any(map(is_written, folder.glob("*.mcap")))]
         found.sort(key=_began, reverse=True)
         return [{"id": self._workspace.relative(each), "began": _began(each)} for each in found]
@@ -255,7 +256,7 @@ def _may_hold_runs(entry: os.DirEntry[str]) -> bool:
 
 
 def _show_as_kept(job: Job) -> None:
-    """Let the result of a run's job be the run as it is kept, when the run has ended."""
+    """Set the result of a run's job to the recorded run, when the run has ended."""
     if job.result.startswith(_LIVE):
         job.result = f"#/run/{job.result.removeprefix(_LIVE)}"
 

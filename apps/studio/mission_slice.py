@@ -31,7 +31,7 @@ class SetPort:
     node: str
     key: str
     value: str
-    """Value as it is typed in a form: quotes are added where YAML needs them. Empty: it is taken away."""
+    """Value from a form: quotes are added where YAML needs them. Empty: it is removed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,7 +167,7 @@ trees: {Main: {GoTo: {pose: home}}}
 
 
 class MissionSlice(Slice):
-    """Calls on the text of one mission, which the page sends along; nothing of it is kept here."""
+    """Calls on the text of one mission, which each call of the page contains; no text is kept here."""
 
     def __init__(self, studio: Studio) -> None:
         self._workspace = studio.workspace
@@ -188,7 +188,7 @@ class MissionSlice(Slice):
 
     @call("mission.tree")
     async def tree(self, path: str, text: str, known: tuple[str, ...] = ()) -> JsonValue:
-        """Return the trees of a text as a picture shows them, as far as the text can be read.
+        """Return the trees of a text for the picture, as far as the text can be read.
 
         `known`: contents of trees that the page has. Of these trees the place is returned only.
         """
@@ -217,19 +217,19 @@ class MissionSlice(Slice):
 
     @call("mission.complete")
     async def complete(self, path: str, text: str, line: int, character: int) -> JsonValue:
-        """Return what may be written at a place; line and character count from 0, in UTF-16 units."""
+        """Return the proposals at a place; line and character count from 0, in UTF-16 units."""
         place = self._place(path, text)
         return await self._helper.run(answers.completion, place, text, line, character)
 
     @call("mission.hover")
     async def hover(self, path: str, text: str, line: int, character: int) -> JsonValue:
-        """Return the documentation of what stands at a place as Markdown; none for nothing."""
+        """Return the documentation of the word at a place as Markdown; none without any."""
         place = self._place(path, text)
         return await self._helper.run(answers.documentation, place, text, line, character)
 
     @call("mission.prepare")
     async def prepare(self) -> None:
-        """Start the processes of answers, which takes seconds, before somebody types."""
+        """Start the processes of answers before the first request, which takes seconds."""
         file = self._workspace.root / "prepared.yaml"
         await asyncio.gather(
             self._helper.run(answers.palette, file, _SMALLEST),

@@ -32,7 +32,7 @@ from .security import SANDBOXED
 from .slice import Slice, Studio
 from .workspace import Workspace
 
-SORTS: Final[Mapping[str, Callable[[run_index.RunRow], Any]]] = {
+SORT_COLUMNS: Final[Mapping[str, Callable[[run_index.RunRow], Any]]] = {
     "written": lambda row: row.written,
     "status": lambda row: row.status,
     "mission": lambda row: row.mission.lower() or None,
@@ -46,15 +46,15 @@ SORTS: Final[Mapping[str, Callable[[run_index.RunRow], Any]]] = {
 }
 """Columns to sort by; rows without a value come last."""
 _FIRST_SHOWN: Final = 0.2
-"""Interval at which a first look at many runs is shown while it goes on, wall s. It grows by a tenth."""
+"""Interval between displays during the first look at many runs, wall s. It grows by a tenth."""
 _MIN_PERIOD: Final = 1.0
-_SHARE: Final = 20
+_LOOK_INTERVAL_RATIO: Final = 20
 """Wall time between two looks, as a multiple of the time that a look takes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Query:
-    """Question to the table. `where`: condition as of `picktree runs --where`; `text`: words to be found."""
+    """Query of the table. `where`: condition as of `picktree runs --where`; `text`: words to be found."""
 
     where: str = ""
     text: str = ""
@@ -85,7 +85,7 @@ class RunTable:
         self._watchers = 0
         self._looking: asyncio.Task[None] | None = None
         self.problem = ""
-        """Sentence on why the runs cannot be listed; empty when they can."""
+        """Reason why the runs cannot be listed; empty when they can."""
 
     @property
     def folder(self) -> Path:
@@ -107,7 +107,7 @@ class RunTable:
             self._looking = asyncio.get_running_loop().create_task(self._look_again())
 
     def leave(self) -> None:
-        """Count a watcher less."""
+        """Subtract a watcher."""
         self._watchers -= 1
 
     async def close(self) -> None:
@@ -122,10 +122,10 @@ class RunTable:
             began = time.monotonic()
             await asyncio.to_thread(self.look)
             spent = time.monotonic() - began
-            await asyncio.sleep(max(_MIN_PERIOD, _SHARE * spent))
+            await asyncio.sleep(max(_MIN_PERIOD, _LOOK_INTERVAL_RATIO * spent))
 
     def look(self) -> None:
-        """Look at all runs once. While the first look goes on, the rows found so far are shown."""
+        """Look at all runs once. During the first look, the rows found so far are shown."""
         with self._lock:
             try:
                 folder = self.folder
@@ -160,8 +160,8 @@ class RunTable:
         found = self._answers.get(query)
         if found is not None and found[0] == snapshot.version:
             return found[1]
-        if query.sort not in SORTS:
-            raise PicktreeError(f"there is no column {query.sort!r}; sort by {', '.join(SORTS)}")
+        if query.sort not in SORT_COLUMNS:
+            raise PicktreeError(f"there is no column {query.sort!r}; sort by {', '.join(SORT_COLUMNS)}")
         rows: Sequence[run_index.RunRow] = snapshot.rows
         words = query.text.lower().split()
         if words:
@@ -169,7 +169,7 @@ class RunTable:
         if query.where.strip():
             condition, now = run_index.RunFilter.parse(query.where), time.time()
             rows = [row for row in rows if condition(row, now)]
-        key = cast("Callable[[run_index.RunRow], Any]", SORTS[query.sort])
+        key = cast("Callable[[run_index.RunRow], Any]", SORT_COLUMNS[query.sort])
         known = sorted((row for row in rows if key(row) is not None), key=key, reverse=query.descending)
         answer = (*known, *(row for row in rows if key(row) is None))
         if len(self._answers) > 50:
@@ -190,22 +190,23 @@ class RunTable:
 
 MAX_KEPT: Final = 400_000_000
 """Size of all kept files, bytes. Beyond it those that were used longest ago are deleted."""
-PATIENCE: Final = 900.0
-"""Longest time that a command may take, wall s."""
-_AT_ONCE: Final = 2
-"""Number of commands that make such files at once."""
+COMMAND_TIMEOUT: Final = 900.0
+"""Time limit of a command, wall s."""
+_MAX_COMMANDS: Final = 2
+"""Maximum number of concurrent commands for such files."""
 
 
 class MadeFiles:
-    """Folder of made files, by what they were made from. It may be deleted at any time."""
+    """Folder of generated files, by their inputs. It may be deleted at any time."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._making: dict[Path, asyncio.Task[None]] = {}
-        self._slots = asyncio.Semaphore(_AT_ONCE)
+        self._slots = asyncio.Semaphore(_MAX_COMMANDS)
 
     def place(self, log: Path, kind: str) -> Path:
-        """Return where the file of a kind (`report.html`, `explain.json`) of a log is, as the log is now.
+        """Return the path of a generated file (`report.html`, `explain.json`) for the present content of a
+        log.
 
         Raises PicktreeError when the log is gone.
         """
@@ -241,7 +242,7 @@ class MadeFiles:
         words = [word.replace("{}", str(beside)) for word in command]
         try:
             async with self._slots:
-                out = await command_answer(words, PATIENCE)
+                out = await command_answer(words, COMMAND_TIMEOUT)
         except PicktreeError:
             beside.unlink(missing_ok=True)
             raise
@@ -260,7 +261,7 @@ class MadeFiles:
                 file.unlink(missing_ok=True)
 
     async def close(self) -> None:
-        """Stop what is being made."""
+        """Stop the running commands."""
         tasks = list(self._making.values())
         for task in tasks:
             task.cancel()
@@ -271,7 +272,7 @@ MAX_WINDOW: Final = 500
 """Number of rows that one call returns at most."""
 _PERIOD: Final = 0.2
 _WHATIF: Final = "runs.whatif"
-"""Name of what is done at the end of a what-if."""
+"""Name of the finisher of a what-if's job."""
 _NEW_LOG: Final = re.compile(r"^new log +(.+)$", re.MULTILINE)
 Count = Annotated[int, Field(ge=0, le=MAX_WINDOW)]
 Moment = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
@@ -304,23 +305,23 @@ class RunSlice(Slice):
         count: Count = 100,
     ) -> AsyncIterator[JsonValue]:
         """Yield the number of runs and the first rows, again whenever they change."""
-        query, told = Query(where, text, sort, descending), None
+        query, last = Query(where, text, sort, descending), None
         self._table.enter()
         try:
             while True:
                 snapshot = self._table.snapshot
-                if told != snapshot.version and (snapshot.rows or snapshot.complete):
-                    told = snapshot.version
+                if last != snapshot.version and (snapshot.rows or snapshot.complete):
+                    last = snapshot.version
                     rows = await asyncio.to_thread(self._table.select, query)
                     yield {
-                        "version": told,
+                        "version": last,
                         "total": len(snapshot.rows),
                         "matched": len(rows),
                         "complete": snapshot.complete,
                         "problem": self._table.problem,
                         "rows": [self._row(row) for row in rows[:count]],
                     }
-                await asyncio.sleep(_PERIOD if told else 0.02)
+                await asyncio.sleep(_PERIOD if last else 0.02)
         finally:
             self._table.leave()
 
@@ -356,7 +357,7 @@ class RunSlice(Slice):
 
     @call("runs.open")
     async def open(self, id: str) -> JsonValue:
-        """Return the row of a run, and the texts that it was made from."""
+        """Return the row of a run, and the texts of its recipe."""
         return await asyncio.to_thread(self._opened, id)
 
     def _opened(self, id: str) -> JsonValue:
@@ -418,10 +419,10 @@ class RunSlice(Slice):
         faults: str | None = None,
         no_faults: bool = False,
     ) -> int:
-        """Go on from the checkpoint before a moment with other texts; return the job's number.
+        """Resume from the checkpoint before a moment with other texts; return the job's number.
 
         `mission_file`: mission of the folder in place of the run's; `mission` is then an edit of it. The
-        texts are written as files beside the mission, so that what they name is found.
+        texts are written as files next to the mission, so that the files they name are found.
         """
         command = ["whatif", str(self.log_of(id)), "--at", f"{at:.4f}s", "--out", str(self._runs())]
         opened = await asyncio.to_thread(self._opened, id)
@@ -439,7 +440,7 @@ class RunSlice(Slice):
                 command += [f"--{option}", str(place)]
         if no_faults:
             command.append("--no-faults")
-        return self._jobs.start(f"What if, from {at:.2f} s", command, finish=_WHATIF).number
+        return self._jobs.start(f"What-if from {at:.2f} s", command, finish=_WHATIF).number
 
     def _write_over(self, path: str, text: str) -> Path:
         """Write a text that the studio itself makes for a command."""
@@ -495,7 +496,7 @@ class RunSlice(Slice):
         return self._jobs.start(title, command, result=address).number
 
     def _new_file(self, path: str) -> Path:
-        """Return the place of a file that is made, in a folder that exists then."""
+        """Return the path of a new file, in a folder that is created if missing."""
         place = self._workspace.resolve(path)
         try:
             place.parent.mkdir(exist_ok=True)

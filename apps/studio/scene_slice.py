@@ -27,7 +27,7 @@ _GREY = (0.6, 0.6, 0.6)
 
 
 def spawned(name: str, beside: Path, seed: int, text: str | None) -> dict[str, Any]:
-    """Return what stands in a scene when a run with this seed begins, before items settle.
+    """Return the bodies of a scene at the start of a run with this seed, before items settle.
 
     `beside`: folder of the mission; `text`: the scene file's text where it is not saved.
     """
@@ -78,7 +78,7 @@ def _robot(name: str, beside: str) -> dict[str, Any]:
 
 
 def camera_view(name: str, beside: Path, seed: int, camera: str, text: str | None) -> dict[str, Any]:
-    """Return what a camera sees when a run with this seed begins in physics, as pictures (data URLs)."""
+    """Return a camera's images at the start of a run with this seed in physics, as data URLs."""
     import cv2
     import numpy as np
 
@@ -137,7 +137,7 @@ class SceneSlice(Slice):
 
     @call("scene.show")
     async def show(self, mission: str, scene: str, seed: int, text: str | None = None) -> JsonValue:
-        """Return what a scene holds when a run with a seed begins; `text`: its file's, where not saved."""
+        """Return the bodies of a scene at the start of a run with a seed; `text`: the unsaved scene file."""
         beside = self._beside(mission, scene)
         found = await self._worker.run(spawned, scene, beside, seed, text)
         return {**found, "file": "" if scene in scene_loading.scene_names() else self._below(beside / scene)}
@@ -151,7 +151,7 @@ class SceneSlice(Slice):
     async def camera(
         self, mission: str, scene: str, seed: int, camera: str, text: str | None = None
     ) -> JsonValue:
-        """Return what a camera sees when a run with a seed begins in physics, as data URLs."""
+        """Return a camera's images at the start of a run with a seed in physics, as data URLs."""
         beside = self._beside(mission, scene)
         return await self._worker.run(camera_view, scene, beside, seed, camera, text)
 
@@ -179,10 +179,10 @@ class SceneSlice(Slice):
 def _moved(text: str, fixture: str, x: float, y: float) -> JsonValue:
     source = Source(text)
     fixtures = source.root.child("fixtures")
-    given = fixtures.child(fixture) if fixtures is not None else None
-    at = given.child("at") if given is not None else None
+    entry = fixtures.child(fixture) if fixtures is not None else None
+    at = entry.child("at") if entry is not None else None
     if at is None or at.kind != "list" or len(at.items) < 2:
-        raise NotEditable(f"the file has no place 'at: [x, y, z]' for {fixture!r}: it stands in its base")
+        raise NotEditable(f"the file has no place 'at: [x, y, z]' for {fixture!r}: its base file has it")
     new = text
     for index, value in ((1, y), (0, x)):
         new = replace_value(new, ("fixtures", fixture, "at", index), scalar(f"{round(value, 4):g}"))

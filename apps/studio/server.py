@@ -45,17 +45,17 @@ SLICES: Final[tuple[Callable[[Studio], Slice], ...]] = (
 )
 HOST: Final = "127.0.0.1"
 FIRST_PORT: Final = 8420
-"""Port that is tried first, so that a page finds a server that was started again."""
+"""Preferred port, so that a page finds a restarted server."""
 _PORTS_TRIED: Final = 20
 MAX_VIEWERS: Final = 32
 """Number of pages that may be connected at once."""
 PAGE_FOLDER: Final = Path(__file__).parent / "page"
-SHOWN: Final = frozenset({".gif", ".html", ".mp4", ".png", ".svg"})
+SHOWN_SUFFIXES: Final = frozenset({".gif", ".html", ".mp4", ".png", ".svg"})
 """Suffixes of files below the folder that the page may show."""
 
 
 def create_app(workspace: Workspace, port: int) -> ASGIApp:
-    """Return the application for a workspace, as it is served on a port of this machine."""
+    """Return the application for a workspace, to be served on a port of this machine."""
     workspace.apply_trust()
     jobs = Jobs(workspace)
     parts = [make(Studio(workspace, jobs)) for make in SLICES]
@@ -102,7 +102,7 @@ def _shown_file(workspace: Workspace, path: str) -> Response:
         place = workspace.resolve(path)
     except PicktreeError as error:
         return PlainTextResponse(f"{error}\n", 404)
-    if place.suffix.lower() not in SHOWN or not place.is_file():
+    if place.suffix.lower() not in SHOWN_SUFFIXES or not place.is_file():
         return PlainTextResponse("There is no such picture, film or page.\n", 404)
     kind = mimetypes.guess_type(place.name)[0]
     return FileResponse(place, media_type=kind, headers={"content-security-policy": SANDBOXED})
@@ -178,7 +178,7 @@ def make_server(workspace: Workspace, listening: socket.socket) -> uvicorn.Serve
 def serve(folder: Path, port: int | None, ready: Callable[[str], None]) -> None:
     """Serve a folder until Ctrl-C. `ready` gets the link when the port is taken.
 
-    Raises PicktreeError when the folder is none, or the port is taken by another program.
+    Raises PicktreeError for an invalid folder, or when the port is taken by another program.
     """
     workspace = Workspace(folder)
     with listen(port) as listening:

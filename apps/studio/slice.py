@@ -20,11 +20,11 @@ class Studio:
 
 
 class Slice:
-    """Part of the studio. Its methods declared with `call` and `watch` are what the page uses."""
+    """Part of the studio. The page uses its methods that are declared with `call` or `watch`."""
 
     def routes(self) -> Sequence[BaseRoute]:
         """Return the addresses that it serves over HTTP."""
         return ()
 
     async def close(self) -> None:
-        """Release what it holds, when the server ends."""
+        """Release its resources at the end of the server."""

@@ -1,4 +1,4 @@
-"""Worker: a process of its own for work that computes, so that the server stays answering."""
+"""Worker: a separate process for computations, so that the server stays responsive."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ LIMIT: Final = 60.0
 
 
 class Worker:
-    """One process. Requests wait for each other."""
+    """Process that serves requests one after the other."""
 
     def __init__(self) -> None:
         self._pool: ProcessPoolExecutor | None = None
 
     async def run(self, function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
-        """Run a function there. Raises what it raises, and PicktreeError when it takes too long."""
+        """Run a function there. Raises its exceptions, and PicktreeError when it takes too long."""
         pool = self._pool = self._pool or ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _begin)
         policy = os.environ.get(PLUGINS_VARIABLE, "")
         work = asyncio.get_running_loop().run_in_executor(pool, _run, policy, function, args, kwargs)
@@ -77,7 +77,7 @@ class _Refusal:
 
 
 def _begin() -> None:
-    """Let this process come after the server's, and end when that has, also when it was killed."""
+    """Lower the priority of this process, and end it with the server, even after a kill."""
     os.nice(NICENESS)
     server = multiprocessing.parent_process()
     assert server is not None

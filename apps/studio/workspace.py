@@ -68,13 +68,13 @@ class FolderState:
         self._set(trusted=trusted)
 
     def draft(self, path: str) -> str | None:
-        """Return the text that was typed for a file and not written into it."""
+        """Return the unsaved text of a file."""
         with suppress(OSError, UnicodeDecodeError):
             return self._draft_file(path).read_text(encoding="utf-8")
         return None
 
     def keep_draft(self, path: str, text: str | None) -> None:
-        """Keep a text that was typed; None: forget it. Raises PicktreeError when the disk refuses."""
+        """Keep an unsaved text; None: forget it. Raises PicktreeError when the disk refuses."""
         file = self._draft_file(path)
         if text is None:
             file.unlink(missing_ok=True)
@@ -116,7 +116,7 @@ def _write(file: Path, text: str) -> None:
 MAX_FILE: Final = 2_000_000
 """Largest text file that is read or written, bytes."""
 MAX_LISTED: Final = 5_000
-"""Number of YAML files that a listing looks into."""
+"""Maximum number of YAML files that a listing reads."""
 _KIND: Final = re.compile(rb"^kind:[ \t]*[\"']?([a-z]+)", re.MULTILINE)
 _NAME: Final = re.compile(rb"^name:[ \t]*(.+)$", re.MULTILINE)
 _SKIPPED: Final = frozenset({"__pycache__", "node_modules", "runs"})
@@ -139,16 +139,16 @@ class ListedFile:
 
     path: str
     kind: str
-    """Kind that the file says: mission, scene, robot, faults, cases, plan, library."""
+    """Kind stated in the file: mission, scene, robot, faults, cases, plan, library."""
     name: str
-    """Name that the file gives itself, else empty."""
+    """Name stated in the file; empty without one."""
 
 
 class Workspace:
     """Folder of the studio. Every path that a client names goes through `resolve`."""
 
     def __init__(self, folder: Path) -> None:
-        """Take a folder. Raises PicktreeError when it is none."""
+        """Take a folder. Raises PicktreeError for a path that is no folder."""
         if not folder.is_dir():
             raise PicktreeError(f"{folder}: no such folder; `picktree studio FOLDER` opens one that exists")
         self.root = folder.resolve()
@@ -177,7 +177,7 @@ class Workspace:
         return place.relative_to(self.root).as_posix()
 
     def read(self, path: str) -> TextFile:
-        """Read a text file. Raises PicktreeError when it is none, too large, or not UTF-8."""
+        """Read a text file. Raises PicktreeError when it is missing, too large, or not UTF-8."""
         place = self.resolve(path)
         try:
             if not stat.S_ISREG(place.stat().st_mode):
@@ -192,7 +192,7 @@ class Workspace:
             raise PicktreeError(f"{path} cannot be read: {(error.strerror or str(error)).lower()}") from None
 
     def write(self, path: str, text: str, version: str | None = None) -> TextFile:
-        """Write a text file, whole or not at all; `version`: what it was when it was read, None: it is new.
+        """Write a text file, whole or not at all; `version`: its version at the read, None: a new file.
 
         Raises PicktreeError when the file has changed since, is too large, or the disk refuses.
         """
@@ -232,12 +232,16 @@ class Workspace:
                 break
             with suppress(OSError), place.open("rb") as opened:
                 head = opened.read(4000)
-                said = _KIND.search(head)
-                if said is None or b"picktree:" not in head or (kind and said[1].decode() != kind):
+                kind_match = _KIND.search(head)
+                if (
+                    kind_match is None
+                    or b"picktree:" not in head
+                    or (kind and kind_match[1].decode() != kind)
+                ):
                     continue
                 name = _NAME.search(head)
                 text = name[1].decode("utf-8", "replace").split(" #")[0].strip().strip("\"'") if name else ""
-                found.append(ListedFile(self.relative(place), said[1].decode(), text))
+                found.append(ListedFile(self.relative(place), kind_match[1].decode(), text))
         return sorted(found, key=lambda each: each.path)
 
     def _yaml_files(self) -> Iterator[Path]:

@@ -1,4 +1,4 @@
-"""Editor support: what completion, hover, definition, rename and quick fixes answer, without a protocol."""
+"""Editor support without a protocol: completion, hover, definition, rename and quick fixes."""
 
 import lazy_loader
 

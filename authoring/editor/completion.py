@@ -27,7 +27,7 @@ _PLAIN = re.compile(r"[A-Za-z_][\w ./-]*")
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """One thing that may be written; `snippet` is the text for the word at the cursor, with tab stops."""
+    """Proposed text; `snippet` replaces the word at the cursor, with tab stops."""
 
     label: str
     kind: ProposalKind
@@ -38,7 +38,7 @@ class Proposal:
 
 
 def is_expression(walk: SchemaWalk, path: Location) -> bool:
-    """Whether an expression or an assignment may stand at a location of a mission."""
+    """Whether an expression or an assignment is allowed at a location of a mission."""
     if path and (path[-1] in PRECONDITIONS or assigns(path)):
         return True
     if len(path) < 2 or not isinstance(path[-1], str) or not isinstance(path[-2], str):
@@ -47,7 +47,7 @@ def is_expression(walk: SchemaWalk, path: Location) -> bool:
 
 
 def proposals(cursor: Cursor, walk: SchemaWalk, library: Iterable[tuple[str, str]] = ()) -> list[Proposal]:
-    """Return what may be written at the cursor.
+    """Return the proposals at the cursor.
 
     `library`: sub-trees that are not included, each with its file.
     """
@@ -96,7 +96,7 @@ def _keys(cursor: Cursor, walk: SchemaWalk, written: str, *, braces: bool) -> It
 
 
 def _closing(cursor: Cursor) -> str:
-    """Return what is missing behind a reference: its brace, and its quote where none follows."""
+    """Return the missing text behind a reference: its brace, and its quote where none follows."""
     if re.match(r"[\w.]*\}", cursor.behind):
         return ""
     quoted = cursor.before.rstrip("{").endswith('"')
@@ -123,7 +123,7 @@ def _nodes(
 
 
 def _call(cursor: Cursor, name: str, body: Schema) -> str:
-    """Return the text of a node with what it needs."""
+    """Return the text of a node with its required ports and children."""
     if cursor.behind.lstrip(" ").startswith(":"):
         return name
     types = types_of(body)
@@ -196,7 +196,7 @@ def _yaml(value: object) -> str:
 
 
 def escaped(text: str) -> str:
-    """Return a text in which a snippet's signs stand for themselves."""
+    """Return a text in which the special characters of snippets are escaped."""
     return re.sub(r"[\\$}]", r"\\\g<0>", text)
 
 
@@ -286,6 +286,6 @@ def skeletons(text: str, place: Place) -> tuple[Span, list[Proposal]] | None:
 
 
 def head_proposals(cursor: Cursor) -> list[Proposal]:
-    """Return the keys and values at the top of a file without a kind; empty where other keys stand."""
+    """Return the keys and values at the top of a file without a kind; empty for a file with other keys."""
     known = set(cursor.root.entries) - {cursor.scalar} <= {"picktree", "kind"}
     return proposals(cursor, _HEAD) if known else []

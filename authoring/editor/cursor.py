@@ -1,4 +1,4 @@
-"""Cursor in a YAML text that is being written: its key or value, and repair of the text for the reader."""
+"""Cursor in an unfinished YAML text: its key or value, and repair of the text for the reader."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from picktree.files import FileError, Location, Mark
 from picktree.files.yaml import YamlNode, YamlReadResult, read
 
 CURSOR: Final = "\ue000"
-"""Sign of the cursor, of the private use area: YAML reads it as a letter, and no file contains it."""
+"""Character for the cursor, of the private use area: YAML reads it as a letter, and no file contains it."""
 MAX_BLANKED: Final = 8
 """Maximum number of unreadable lines that are left out, one after the other."""
 _CLOSERS = {"{": "}", "[": "]"}
@@ -24,7 +24,7 @@ _BEFORE_QUOTE = " \t[{,:-"
 
 @dataclass(slots=True)
 class _Open:
-    """An open bracket: its character, and the indent of the line in which it stands."""
+    """Open bracket: its character, and the indent of its line."""
 
     bracket: str
     indent: int
@@ -148,7 +148,7 @@ def with_key_at_cursor(text: str) -> str:
 
 
 def read_repaired(text: str, file: str) -> tuple[YamlReadResult, str] | None:
-    """Read a text as far as it can be read; return also the text that was read. None: nothing is left."""
+    """Read a text as far as possible; return also the readable text. None: no readable text."""
     for attempt in (with_key_at_cursor(text), repaired(text), repaired(_cut_behind_cursor(text))):
         try:
             return read(attempt, file), attempt
@@ -205,7 +205,7 @@ class Cursor:
     """Key or value under the cursor."""
 
     root: YamlNode
-    """Whole text as far as it can be read; the word at the cursor contains CURSOR."""
+    """Readable part of the text; the word at the cursor contains CURSOR."""
     path: Location
     """Location of the value, or of the mapping that holds the key."""
     scalar: str
@@ -216,7 +216,7 @@ class Cursor:
     flow: bool
     """Whether the collection around it is written in brackets."""
     alone: bool
-    """Whether nothing but dashes stands before it in its line."""
+    """Whether only dashes are before it in its line."""
     in_list: bool
     word: Span
     """Word at the cursor, which a proposal replaces."""
@@ -274,7 +274,7 @@ def cursor_at(text: str, place: Place, file: str) -> Cursor | None:
 
 
 def cursor_on(text: str, place: Place, file: str) -> Cursor | None:
-    """Return the key or value that covers a place in the text as it is written; None for neither."""
+    """Return the key or value that covers a place in the unrepaired text; None for neither."""
     reading = read_repaired(text, file)
     lines = text.split("\n")
     if reading is None or place.line >= len(lines):

@@ -1,4 +1,4 @@
-"""Diagnostics of an open text: what `picktree check` says of it, each with its place and its quick fix."""
+"""Diagnostics of an open text: the faults of `picktree check` with their places and quick fixes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _TOKEN = re.compile(r"\"[^\"]*\"|'[^']*'|[^\s,\[\]{}:]+|.")
 
 
 def token_span(fault: Diagnostic, lines: list[str]) -> Span:
-    """Return the word at which a fault stands."""
+    """Return the word at the place of a fault."""
     row = max(fault.mark.line, 1) - 1
     line = lines[row] if row < len(lines) else ""
     start = min(max(fault.mark.column, 1) - 1, len(line))
@@ -33,7 +33,7 @@ def token_span(fault: Diagnostic, lines: list[str]) -> Span:
 
 
 def quick_fix(fault: Diagnostic, lines: list[str]) -> Edit | None:
-    """Return the edit that a fault's hint names; None when it names none, or its word is not found."""
+    """Return the edit that a fault's hint names; None without an edit, or without its word in the text."""
     if fault.code in (syntax_faults.LOOK_ALIKE, syntax_faults.NO_BLANK) and 0 < fault.mark.line <= len(lines):
         return _repaired(fault, lines)
     hint = _NEW.search(fault.hint) or _NEW.search(fault.message)
@@ -54,7 +54,7 @@ def quick_fix(fault: Diagnostic, lines: list[str]) -> Edit | None:
 
 
 def _repaired(fault: Diagnostic, lines: list[str]) -> Edit | None:
-    """Replace the characters of a typing slip by those that are meant."""
+    """Replace the characters of a typing error by the intended ones."""
     row = fault.mark.line - 1
     slip = syntax_faults.slip_at(lines, row, fault.mark.column - 1, fault.message)
     return slip and Edit(Span(Place(row, slip.start), Place(row, slip.end)), slip.meant)
@@ -69,7 +69,7 @@ def _reference(fault: Diagnostic, lines: list[str], new: str) -> Edit | None:
 
 
 def _find(word: str, line: str, start: int) -> int | None:
-    """Return where a whole word stands in a line, at or behind `start`."""
+    """Return the position of a whole word in a line, at or behind `start`."""
     edge = r"(?<!\w)" if word[:1].isalnum() else ""
     end = r"(?!\w)" if word[-1:].isalnum() else ""
     found = re.compile(f"{edge}{re.escape(word)}{end}").search(line, start)
@@ -82,16 +82,16 @@ class DocumentFault:
 
     fault: Diagnostic
     span: Span
-    """Word at fault; where the fault stands in another file, the line that names that file."""
+    """Word at fault; for a fault in another file, the line that names that file."""
     message: str
     """Sentence with hint and detail."""
     fix: Edit | None = None
     elsewhere: bool = False
-    """Whether it stands in another file."""
+    """Whether the fault is in another file."""
 
 
 def document_faults(path: Path, text: str, checks: Mapping[str, file_checks.Check]) -> list[DocumentFault]:
-    """Check a text that need not be saved. `path`: its file, for files beside it."""
+    """Check a text, saved or not. `path`: its file, for files beside it."""
     if not file_checks.is_ours(text):
         return []
     report = file_checks.check_files(

@@ -1,4 +1,4 @@
-"""Outline of a mission's text: its trees as a picture shows them, also while the text has faults.
+"""Outline of a mission's text: its trees for a picture, even while the text has faults.
 
 A tree is read once while its text stays the same. Places of its nodes are therefore places in the tree's
 text, which begins with its name.
@@ -20,12 +20,12 @@ from .syntax import Source, Syntax
 
 OutlineKind: TypeAlias = Literal["unknown"] | Kind
 Declarations: TypeAlias = Callable[[str], NodeDeclaration | None]
-"""Declaration of a node or sub-tree by its ID; None where nothing is known of it."""
+"""Declaration of a node or sub-tree by its ID; None for an unknown ID."""
 
 
 @dataclass(frozen=True, slots=True)
 class OutlinePort:
-    """Key of a node with its value as the text has it."""
+    """Key of a node with its value in the text."""
 
     key: str
     text: str
@@ -36,10 +36,10 @@ class OutlinePort:
 
 @dataclass(slots=True)
 class OutlineNode:
-    """One node of a tree; places count in code points from the beginning of the tree's text."""
+    """Node of a tree; places count in code points from the beginning of the tree's text."""
 
     id: str
-    """Path in its tree, as logs, faults and rehearsals have it."""
+    """Path in its tree, as in logs, faults and rehearsals."""
     loc: Location
     identity: str
     name: str
@@ -47,9 +47,9 @@ class OutlineNode:
     start: int
     end: int
     body: Location | None = None
-    """Location of what stands under its ID; None for a bare ID or list."""
+    """Location of the content under its ID; None for a bare ID or list."""
     slot: str = ""
-    """Slot of the parent in which it stands."""
+    """Slot of the parent that contains it."""
     label: str = ""
     """Key in the slot's table."""
     shown: str = ""
@@ -57,7 +57,7 @@ class OutlineNode:
     listed: bool = False
     """Whether it is a Sequence that is written as a bare list."""
     aliased: bool = False
-    """Whether its text stands elsewhere, at an anchor."""
+    """Whether its text is at an anchor elsewhere."""
     direct: bool = False
     """Whether it is a key beside the ports of its parent: `Inverter: {Condition: …}`, and a tree's root."""
     ports: tuple[OutlinePort, ...] = ()
@@ -79,12 +79,12 @@ class TreeBody:
     doc: str
     ports: tuple[OutlinePort, ...]
     root: OutlineNode | None
-    """None where no node is written."""
+    """Root node; None for a tree without a node."""
 
 
 @dataclass(frozen=True, slots=True)
 class OutlineTree:
-    """One tree of the text; its places count in code points from the beginning of the text."""
+    """Tree of the text; its places count in code points from the beginning of the text."""
 
     name: str
     start: int
@@ -108,13 +108,13 @@ class Outline:
         return {node.id: node for tree in self.trees if tree.root for node in tree.root.iterate()}
 
 
-_KEPT: Final = 1024
+_MAX_CACHED_TREES: Final = 1024
 _bodies: OrderedDict[tuple[Declarations, frozenset[str], str], TreeBody] = OrderedDict()
 
 
 @lru_cache(maxsize=8)
 def outline(source: Source, known: Declarations) -> Outline:
-    """Return the outline of a text, made once. `known` need not know the trees of the text itself."""
+    """Return the outline of a text, made once. `known` may lack the trees of the text itself."""
     root = source.root
     trees = root.child("trees")
     body = trees.value if trees is not None else None
@@ -137,7 +137,7 @@ def _tree(
     body = _bodies.get(kept)
     if body is None:
         body = _bodies[kept] = reader.tree(key, value)
-        if len(_bodies) > _KEPT:
+        if len(_bodies) > _MAX_CACHED_TREES:
             _bodies.popitem(last=False)
     _bodies.move_to_end(kept)
     return OutlineTree(key.text, start, end, body)
@@ -149,7 +149,7 @@ def _word(node: Syntax, key: str) -> str:
 
 
 class _OutlineReader:
-    """Reader of nodes by the rules of the grammar; whatever these refuse is kept as far as it goes."""
+    """Reader of nodes by the rules of the grammar; refused nodes are kept as far as possible."""
 
     def __init__(self, source: Source, known: Declarations, trees: frozenset[str], start: int) -> None:
         self._source, self._known, self._trees = source, known, trees
@@ -160,19 +160,19 @@ class _OutlineReader:
         loc: Location = ("trees", key.text)
         ports: tuple[OutlinePort, ...] = ()
         doc, root = "", None
-        given = body.value
-        if given.kind == "mapping":
-            declared = given.child("ports")
+        content = body.value
+        if content.kind == "mapping":
+            declared = content.child("ports")
             ports = (
                 tuple(self._port(*entry) for entry in declared.value.entries) if declared is not None else ()
             )
-            doc = _word(given, "doc")
-            nodes = [(name, value) for name, value in given.entries if name.text not in ("ports", "doc")]
+            doc = _word(content, "doc")
+            nodes = [(name, value) for name, value in content.entries if name.text not in ("ports", "doc")]
             if nodes:
                 name, value = nodes[0]
-                root = self._keyed(name, value, loc, key.text, ChildNames(), aliased=body is not given)
+                root = self._keyed(name, value, loc, key.text, ChildNames(), aliased=body is not content)
                 root.direct = True
-        elif not given.empty:
+        elif not content.empty:
             root = self._node(body, loc, key.text, ChildNames())
         return TreeBody(" ".join(doc.split()), ports, root)
 
@@ -208,8 +208,8 @@ class _OutlineReader:
         """Read `ID: body`."""
         identity, body = key.text, node.value
         aliased = aliased or body is not node
-        given = body.child("name") if body.kind == "mapping" else None
-        own = given.value.word if given is not None else None
+        name_value = body.child("name") if body.kind == "mapping" else None
+        own = name_value.value.word if name_value is not None else None
         name = names.take(own if own is not None and NAME_PATTERN.fullmatch(own) else identity[:60])
         path, at = f"{above}/{name}", (*loc, identity)
         start, end = self._at(key.start), self._at(max(node.end, key.end))
@@ -309,7 +309,7 @@ class _OutlineReader:
     def _list(
         self, node: Syntax, at: Location, above: str, names: ChildNames, label: str, *, aliased: bool = False
     ) -> OutlineNode:
-        """Read a list where one node is wanted: a Sequence with the name of its slot."""
+        """Read a list in the place of one node: a Sequence with the name of its slot."""
         value = node.value
         identity = Sequence.declaration.id
         name = names.take(label or identity)
@@ -325,7 +325,7 @@ class _OutlineReader:
         return found
 
     def _unknown_body(self, found: OutlineNode, body: Syntax, at: Location, aliased: bool) -> None:
-        """Read the children of a node of which nothing is known: those of a list, or under `do`."""
+        """Read the children of an unknown node: those of a list, or under `do`."""
         inner, place = (body.child("do"), (*at, "do")) if body.kind == "mapping" else (body, at)
         found.ports = self._ports(body, ("do",))
         names = ChildNames()

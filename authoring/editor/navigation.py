@@ -64,12 +64,12 @@ def _key_words(cursor: Cursor, walk: SchemaWalk, place: KeyPlace) -> str:
     lines = [f"Key `{key}` of the tree {tree}."]
     port = next((each for each in every if each.kind == "port"), None)
     if port is not None:
-        said = markdown_of(walk.at(port.path))
+        documentation = markdown_of(walk.at(port.path))
         about: YamlNode | None = cursor.root
         for step in (*port.path, "doc"):
             about = about.child(step) if about is not None else None
         doc = f": {about.value}" if about is not None and isinstance(about.value, str) else ""
-        lines.append(f"Port of the tree{doc}." if doc or said else "Port of the tree.")
+        lines.append(f"Port of the tree{doc}." if doc or documentation else "Port of the tree.")
     for each in every:
         if writes(each, walk):
             owner = next((str(step) for step in reversed(each.path[:-1]) if isinstance(step, str)), tree)
@@ -84,7 +84,7 @@ def writes(place: KeyPlace, walk: SchemaWalk) -> bool:
 
 
 def renamed_span(cursor: Cursor, walk: SchemaWalk, text: str) -> Span | None:
-    """Return the key under the cursor that can be renamed; None when there is none."""
+    """Return the key under the cursor if it can be renamed; else None."""
     found = key_at(cursor, walk)
     if found is None:
         return None
@@ -96,8 +96,8 @@ def rename(cursor: Cursor, walk: SchemaWalk, name: str, text: str) -> list[Edit]
     """Return the edits that rename the key under the cursor in its whole tree.
 
     A key of Main changes where other trees of this file write it as `@key`, and the name of a port at the
-    calls of its tree, too. Raises PicktreeError for a name
-    that is none or is taken, and for a key in a text that is not written as it reads.
+    calls of its tree, too. Raises PicktreeError for an invalid or used name, and for a key in a text with
+    escapes or of several lines.
     """
     found = key_at(cursor, walk)
     if found is None:
@@ -148,12 +148,12 @@ def _covers(place: KeyPlace, cursor: Cursor) -> bool:
 
 
 def _text_start(mark: Mark, line: str) -> int:
-    """Return where a text begins in its line, behind its quote."""
+    """Return the position of a text's beginning in its line, behind its quote."""
     return mark.column - 1 + (line[mark.column - 1 : mark.column] in ("'", '"'))
 
 
 def written_span(mark: Mark, at: int, key: str, lines: list[str]) -> Span | None:
-    """Return where a key stands in the text; None when it is not written as it reads."""
+    """Return the span of a key in the text; None when the text has escapes or several lines."""
     line = lines[mark.line - 1]
     start = _text_start(mark, line) + at
     if line[start : start + len(key)] != key:
@@ -179,7 +179,7 @@ _FILE_KEYS: Final[Mapping[str, Mapping[str, Path | None]]] = {
 
 
 def named_file(cursor: Cursor, document: Document) -> Mark | None:
-    """Return the start of the file whose name is under the cursor; None where no name of a file is."""
+    """Return the start of the file whose name is under the cursor; None without the name of a file."""
     key = cursor.path[0] if cursor.path and not cursor.is_key else None
     keys = _FILE_KEYS.get(document.kind, {})
     path: Path | None = None

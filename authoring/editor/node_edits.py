@@ -32,11 +32,12 @@ from .text_edits import (
 )
 
 PLACEHOLDER = "AlwaysSuccess"
-"""Child of a new node that needs one."""
+"""Placeholder child of a new node that needs a child."""
 
 
 def new_node(declaration: NodeDeclaration, node: type[Node] | None) -> Piece:
-    """Return a node or a call of a sub-tree with what it needs. `node`: its class; None for a sub-tree."""
+    """Return a node or a call of a sub-tree with its required ports and children. `node`: its class; None for
+    a sub-tree."""
     entries = dict(needed(declaration, node))
     main = declaration.slot("do")
     if main is not None and main.arity == "many" and not entries:
@@ -51,7 +52,7 @@ def new_node(declaration: NodeDeclaration, node: type[Node] | None) -> Piece:
 
 
 def needed(declaration: NodeDeclaration, node: type[Node] | None) -> list[tuple[str, Piece]]:
-    """Return the ports, and other keys but the main children, without which the node is a fault."""
+    """Return the required ports, and other required keys except the main children."""
     source, body = _example(declaration)
     entries = [(port.key, _value(port, source, body)) for port in declaration.ports if port.required]
     choice = node_reference.required_one_of(node) if node is not None else None
@@ -60,11 +61,11 @@ def needed(declaration: NodeDeclaration, node: type[Node] | None) -> list[tuple[
         one = [slot.key for slot in declaration.slots if slot.arity == "one"]
         key = next((key for key in taken if key in one), (taken or list(choice.keys))[0])
         port = declaration.port(key)
-        given = body.child(key) if body is not None else None
+        value = body.child(key) if body is not None else None
         if port is not None:
             entries.append((key, _value(port, source, body)))
-        elif source is not None and given is not None:
-            entries.append((key, piece_of(source, given)))
+        elif source is not None and value is not None:
+            entries.append((key, piece_of(source, value)))
         else:
             entries.append((key, scalar(PLACEHOLDER)))
     return entries
@@ -79,9 +80,9 @@ def _example(declaration: NodeDeclaration) -> tuple[Source | None, Syntax | None
 
 
 def _value(port: PortDeclaration, source: Source | None, body: Syntax | None) -> Piece:
-    given = body.child(port.key) if body is not None else None
-    if source is not None and given is not None:
-        return piece_of(source, given)
+    present = body.child(port.key) if body is not None else None
+    if source is not None and present is not None:
+        return piece_of(source, present)
     if port.choices:
         return scalar(key_text(str(port.choices[0])))
     return scalar(f'"{{{port.key}}}"')
@@ -171,7 +172,7 @@ class NodeEditor:
         return self._done(text, node.loc, node.body)
 
     def remove_port(self, identifier: str, key: str) -> EditedText:
-        """Take a port, name or condition away."""
+        """Remove a port, name or condition."""
         node = self.node(identifier)
         body = self._source.at(node.body) if node.body is not None else None
         if node.body is None or body is None or body.kind != "mapping" or body.entry(key) is None:
@@ -333,7 +334,7 @@ class NodeEditor:
         return put_entry(text, place, key_text(label), piece), (*place, label)
 
     def _first(self, parent: OutlineNode, slot: SlotDeclaration, label: str) -> Location:
-        """Return where the first node of a slot that was empty stands."""
+        """Return the location of the first node of a slot that was empty."""
         body = parent.body or (*parent.loc, parent.identity)
         match slot.arity:
             case "one":
@@ -405,7 +406,7 @@ def _new_body(slot: SlotDeclaration, label: str, piece: Piece, *, keyed: bool = 
 
 
 def _free_label(slot: SlotDeclaration, taken: list[str]) -> str:
-    """Return a key of a table that is not taken."""
+    """Return an unused key of a table."""
     if slot.of == "cause" and "*" not in taken:
         return "*"
     return next(label for number in range(1, len(taken) + 2) if (label := str(number)) not in taken)
@@ -418,7 +419,7 @@ def _slots_after(known: Declarations, identity: str, slot: SlotDeclaration) -> t
 
 
 def _shifted(loc: Location, removed: OutlineNode) -> Location:
-    """Return where a node stands after another one has gone."""
+    """Return the location of a node after the removal of another one."""
     at = removed.loc
     if not isinstance(at[-1], int) or loc[: len(at) - 1] != at[:-1] or len(loc) < len(at):
         return loc

@@ -1,4 +1,4 @@
-"""Open file of an editor: its unsaved text, and what the editor may ask about a place in it."""
+"""Open file of an editor: its unsaved text, and queries about a place in it."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class OpenFile:
         self._kind = found["kind"] if found else ""
 
     def complete(self, place: Place) -> tuple[Span, list[Proposal]] | None:
-        """Return what may be written at a place, and the word that it replaces."""
+        """Return the proposals at a place, and the word that they replace."""
         if not self._kind and (found := skeletons(self._text, place)) is not None:
             return found
         cursor = cursor_at(self._text, place, str(self._path))
@@ -86,7 +86,7 @@ class OpenFile:
         return cursor.word, proposals(cursor, self._walk(cursor.root), library)
 
     def include_edit(self, name: str) -> Edit | None:
-        """Return the edit that includes a file; None where it is included, or has no place."""
+        """Return the edit that includes a file; None when it is included already, or has no place."""
         root = self._root
         if root is None or name in _included(root):
             return None
@@ -105,7 +105,7 @@ class OpenFile:
         return Edit(Span(place, place), text)
 
     def hover(self, place: Place) -> tuple[Span, str] | None:
-        """Return the documentation of what stands at a place."""
+        """Return the documentation of the word at a place."""
         cursor = self._on(place)
         if cursor is None:
             return None
@@ -113,7 +113,7 @@ class OpenFile:
         return (cursor.word, words) if words else None
 
     def definition(self, place: Place) -> Mark | None:
-        """Return where the file, key, sub-tree or node at a place is defined."""
+        """Return the definition of the file, key, sub-tree or node at a place."""
         cursor = self._on(place)
         if cursor is None:
             return None
@@ -122,12 +122,12 @@ class OpenFile:
         return definition(cursor, walk, self._document(cursor.root), self._files, registry)
 
     def word_at(self, place: Place) -> str:
-        """Return the key or text at a place; empty where there is none."""
+        """Return the key or text at a place; empty without one."""
         cursor = self._on(place)
         return cursor.written if cursor is not None else ""
 
     def references(self, place: Place, *, declaration: bool, others: Iterable[OpenFile]) -> list[FileSpan]:
-        """Return where the key, sub-tree or node at a place is used; `declaration`: also where it is defined.
+        """Return the uses of the key, sub-tree or node at a place; `declaration`: its definition, too.
 
         `others`: missions in which uses are looked for, too.
         """
@@ -154,12 +154,12 @@ class OpenFile:
         return found
 
     def tree_home(self, name: str) -> Mark | None:
-        """Return where a sub-tree of the mission is defined; None for a node, and for an unknown name."""
+        """Return the definition of a sub-tree of the mission; None for a node, and for an unknown name."""
         root = self._root
         return tree_mark(name, mission_files(self._document(root), self._files)) if root is not None else None
 
     def calls_of(self, name: str) -> list[FileSpan]:
-        """Return where a node or sub-tree is called in this mission."""
+        """Return the calls of a node or sub-tree in this mission."""
         root = self._root
         if root is None or self._kind != "mission":
             return []
@@ -205,7 +205,7 @@ class OpenFile:
 
     @cached_property
     def _root(self) -> YamlNode | None:
-        """Text as far as it can be read; None: nothing of it."""
+        """Return the syntax of the readable text; None: no readable text."""
         reading = read_repaired(self._text, str(self._path))
         return reading[0].root if reading is not None else None
 

@@ -1,4 +1,4 @@
-"""Walk through a JSON Schema of ours: the parts that describe the value at a location."""
+"""Walk through a JSON Schema of picktree: the parts that describe the value at a location."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _TREE = "#/definitions/tree."
 
 
 class SchemaWalk:
-    """Schema of one kind of file, asked by location."""
+    """Schema of one kind of file, queried by location."""
 
     def __init__(self, root: Schema) -> None:
         self._root = root
@@ -117,7 +117,7 @@ def types_of(part: Schema) -> tuple[str, ...]:
 
 
 def markdown_of(parts: list[Schema]) -> str:
-    """Return the first documentation among the parts; empty when there is none."""
+    """Return the first documentation among the parts; empty without any."""
     for key in ("markdownDescription", "description"):
         for part in parts:
             text = part.get(key)

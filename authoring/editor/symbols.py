@@ -104,7 +104,7 @@ def _word_end(line: str, start: int, name: str) -> int:
 
 
 def _trimmed(lines: list[str], end: Place) -> Place:
-    """Return the end of the text before a place, without what separates it from the next key."""
+    """Return the end of the text before a place, without the separator of the next key."""
     row, column = end.line, end.character
     while row >= 0:
         line = lines[row][:column].rstrip(_BETWEEN) if row < len(lines) else ""

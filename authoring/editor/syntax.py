@@ -28,7 +28,7 @@ class NotEditable(PicktreeError):
 
 @dataclass(slots=True)
 class Syntax:
-    """One value in the text."""
+    """Value in the text."""
 
     kind: SyntaxKind
     start: int
@@ -47,7 +47,7 @@ class Syntax:
 
     @property
     def empty(self) -> bool:
-        """Whether nothing is written: the value of `key:`."""
+        """Whether the value is missing, as in `key:`."""
         return self.kind == "scalar" and self.start == self.end
 
     def entry(self, key: str) -> tuple[Syntax, Syntax] | None:
@@ -100,12 +100,12 @@ class Source:
         self.root, self.has_aliases = _parsed(text)
 
     def at(self, loc: Location) -> Syntax:
-        """Return the value at a location. Raises NotEditable where there is none."""
+        """Return the value at a location. Raises NotEditable without a value there."""
         node: Syntax | None = self.root
         for step in loc:
             if node is not None and node.kind == "alias":
                 raise NotEditable(
-                    f"what stands here is the alias *{node.text}: edit the value at its anchor &{node.text}"
+                    f"the value here is the alias *{node.text}: edit the value at its anchor &{node.text}"
                 )
             node = node.child(step) if node is not None else None
         if node is None:
@@ -154,7 +154,7 @@ class Source:
     def block_lines(self, start: int, end: int, floor: int) -> Lines:
         """Return the lines of a block item or entry, with the comments that belong to it.
 
-        `start`: place of its dash or key. `floor`: last line of what stands before it.
+        `start`: place of its dash or key. `floor`: last line of the content before it.
         """
         first, last = self.line_of(start), self.line_of(max(start, end - 1))
         column = start - self._starts[first]
@@ -178,7 +178,7 @@ class Source:
         return self.block_lines(key.start, max(value.end, self.colon(key) + 1), floor)
 
     def own_lines(self, lines: Lines, start: int) -> Lines:
-        """Return the lines of a block item or entry. Raises NotEditable when a dash stands before it."""
+        """Return the lines of a block item or entry. Raises NotEditable when a dash is before it."""
         line = self.line_of(start)
         if self.line(line)[: self.column(start)].strip():
             raise NotEditable(f"line {line + 1} is written in a way that only its text can be edited")

@@ -28,11 +28,11 @@ class Piece:
     entries: list[tuple[str, Piece]] = field(default_factory=list["tuple[str, Piece]"])
     items: list[Piece] = field(default_factory=list["Piece"])
     raw: tuple[str, ...] = ()
-    """Lines of a block, as they stand in the source, at column 0."""
+    """Source lines of a block, moved to column 0."""
     above: tuple[str, ...] = ()
-    """Comments that stand above it as an item of a block."""
+    """Comments above it as an item of a block."""
     block: bool = False
-    """Whether it was a block, and remains one where a block can stand."""
+    """Whether it was a block, and remains one where blocks are allowed."""
 
     def fits(self, room: int) -> bool:
         """Whether it is to be written in one line with `room` characters."""
@@ -63,7 +63,7 @@ class Piece:
 
 
 def entry_lines(key: str, value: Piece, room: int, comment: str = "") -> list[str]:
-    """Return the lines of an entry of a block mapping; `key` is its text, and `comment` stands behind it."""
+    """Return the lines of an entry of a block mapping; `key` is its text, and `comment` follows it."""
     if value.fits(room - len(key) - 2):
         return [f"{key}: {value.inline}{comment}" if value.inline else f"{key}:{comment}"]
     return [f"{key}:{comment}", *(f"  {line}" if line.strip() else line for line in value.lines(room - 2))]
@@ -75,7 +75,7 @@ def key_text(key: str) -> str:
 
 
 def scalar(text: str) -> Piece:
-    """Return the piece of a value's text in one line, as it is to be written."""
+    """Return the piece of a value's final text in one line."""
     return Piece("scalar", text)
 
 
@@ -138,7 +138,7 @@ def _flow_piece(source: Source, node: Syntax) -> Piece:
 
 
 def _one_line(source: Source, node: Syntax, lines: tuple[str, ...]) -> str | None:
-    """Return a block collection in one line; None where a comment or a text of several lines stands in it."""
+    """Return a block collection in one line; None for one with a comment or a text of several lines."""
     if any(line.lstrip().startswith("#") or " #" in line for line in lines):
         return None
     return _flowed(source, node)
@@ -180,7 +180,7 @@ ROOM = MAX_LINE_LENGTH
 
 
 def fragment(source: Source, loc: Location) -> Piece:
-    """Return the value at a location with the comments that go with it."""
+    """Return the value at a location with its comments."""
     node, parent = source.at(loc), source.at(loc[:-1])
     if parent.flow:
         return piece_of(source, node)
@@ -303,7 +303,7 @@ def remove_item(text: str, loc: Location, index: int) -> str:
 
 
 def put_entry(text: str, loc: Location, key: str, piece: Piece, before: Collection[str] = ()) -> str:
-    """Give a key of the mapping at a location a value; a new key stands before the first of `before`."""
+    """Give a key of the mapping at a location a value; a new key comes before the first of `before`."""
     source = source_of(text)
     node = source.at(loc)
     if node.kind == "scalar" and node.empty:

@@ -1,4 +1,4 @@
-"""Blackboard keys of one tree as they are written in a text, for completion, hover and rename.
+"""Occurrences of a tree's blackboard keys in a text, for completion, hover and rename.
 
 The text may be unfinished, so keys are found in its values and not in nodes.
 """
@@ -17,7 +17,7 @@ from picktree.trees import MAIN, POSTCONDITIONS, PRECONDITIONS, references
 from .cursor import CURSOR, walk
 
 IsExpression: TypeAlias = Callable[[Location], bool]
-"""Whether an expression may stand at a location."""
+"""Whether an expression is allowed at a location."""
 
 _REFERENCE = re.compile(r"\{(@?[A-Za-z_]\w*)((?:\.\w*)*)\}?")
 _TOKEN = re.compile(
@@ -28,10 +28,10 @@ _WORDS = frozenset({"and", "or", "not", "if", "else", "in", "true", "false", "nu
 
 @dataclass(frozen=True, slots=True)
 class KeyPlace:
-    """Occurrence of a key: mark of the value in which it stands, and its first character in the value."""
+    """Occurrence of a key: mark of the value that contains it, and its first character in the value."""
 
     key: str
-    """Name as it is written; `@` before a key of Main is a part of it."""
+    """Name in the text; `@` before a key of Main is a part of it."""
     path: Location
     mark: Mark
     at: int
@@ -82,5 +82,5 @@ def key_places(root: YamlNode, tree: str, is_expression: IsExpression) -> Iterat
 
 
 def assigns(path: Location) -> bool:
-    """Whether assignments stand at a location of a mission."""
+    """Whether a location of a mission has assignments."""
     return path[-1] in POSTCONDITIONS or path[-2:] == ("Script", "code")

@@ -21,11 +21,11 @@ from picktree.trees import (
 )
 
 from .mission_survey import LintModel
-from .outcomes import EMPTY, FlowState, Outcomes
+from .outcomes import HAND_EMPTY, FlowState, Outcomes
 
 
 def left_in_hand(survey: LintModel) -> Iterator[Diagnostic]:
-    """P330: an object that is still held at the end, with nobody having seen to it."""
+    """P330: an object that is still held at the end, without a node that releases it."""
     main = survey.main
     if main is None:
         return
@@ -37,19 +37,19 @@ def left_in_hand(survey: LintModel) -> Iterator[Diagnostic]:
         if at is not None:
             hidden = _passed_over(survey, filler, bit) if success else main
             when = "it succeeds" if hidden is None else _fails(survey, hidden, bit, names)
-            when += " and the mission goes on" if hidden not in (None, main) else ""
+            when += " and the mission continues" if hidden not in (None, main) else ""
             message = f"the mission may end with what {filler.name} took still in the hand, when {when}"
             hint = "on the way out, place it, or let 'SafeRetreat: {hand: open}' see to it"
             yield survey.fault(at, message, hint, code="P330")
 
 
 def nothing_held(survey: LintModel) -> Iterator[Diagnostic]:
-    """P333: what is put somewhere was not taken before."""
+    """P333: a node puts down an object that no node has taken before."""
     for spec in survey.nodes():
         if spec.node is None or spec.node.hand_before != "full" or not survey.started(spec):
             continue
         entries = survey.entries(spec)
-        if entries and all(state.hand == EMPTY for state in entries):
+        if entries and all(state.hand == HAND_EMPTY for state in entries):
             message = f"the hand holds nothing here: no way to this {spec.name} takes anything before it"
             yield survey.fault(spec, message, "a Grasp before it", code="P333")
 
@@ -64,7 +64,7 @@ def _passed_over(survey: LintModel, filler: NodeSpec, bit: int) -> Outcomes | No
 
 
 def _fails(survey: LintModel, ends: Outcomes, bit: int, known: dict[int, list[str]]) -> str:
-    """Return which nodes fail when the hand stays full. `known`: their names by the `id` of the reasons."""
+    """Return the nodes that fail with a full hand. `known`: their names by the `id` of the reasons."""
     reasons = [why for state, why in ends.failure.items() if _held(state, bit)]
     for why in reasons:
         if id(why) not in known:
@@ -81,7 +81,7 @@ def _held(state: FlowState, bit: int) -> bool:
 
 
 def _in_own_file(survey: LintModel, filler: NodeSpec) -> NodeSpec | None:
-    """The node, or where the mission's own file uses the sub-tree in which it stands."""
+    """Return the node, or the call in the mission's own file of the sub-tree that contains it."""
     if survey.own(filler.mark):
         return filler
     for place in survey.places():
@@ -101,23 +101,23 @@ Users: TypeAlias = Mapping[Resource, NodeSpec]
 
 
 def at_the_same_time(survey: LintModel) -> Iterator[Diagnostic]:
-    """P331: two children of a Parallel or ParallelAll that use the same."""
+    """P331: two children of a Parallel or ParallelAll that use the same resource."""
     for spec in survey.nodes(ParallelNode):
-        said: set[int] = set()
+        reported: set[int] = set()
         for first, second in combinations(spec.children, 2):
             mine, others = users(survey, first), users(survey, second)
             # Two may use it at once where one of them leaves it to others all the while.
             contested = (one for one in mine if one in others and not _shares(others[one], one))
             shared = next((one for one in contested if not _shares(mine[one], one)), None)
-            if shared is None or id(second) in said:
+            if shared is None or id(second) in reported:
                 continue
-            said.add(id(second))
+            reported.add(id(second))
             message = f"{others[shared].name} and {mine[shared].name} use the {shared} at the same time"
             yield survey.fault(second, message, "one after the other, in a Sequence", code="P331", error=True)
 
 
 def started_anew(survey: LintModel) -> Iterator[Diagnostic]:
-    """P332: what a reactive node starts again at each tick takes away what a later child works with."""
+    """P332: a reactive node restarts a child at each tick, which takes the resource of a later child."""
     for spec in survey.nodes(ReactiveSequence, ReactiveFallback, PipelineSequence):
         for index, part in enumerate(spec.children[:-1]):
             first = _first_user(survey, part)
@@ -153,8 +153,8 @@ def _shares(spec: NodeSpec, resource: Resource) -> bool:
 
 
 def users(survey: LintModel, spec: NodeSpec) -> Users:
-    """Return the resources of a branch with their first user; one that does not share comes first. What is
-    never reached does not count."""
+    """Return the resources of a branch with their first user; one that does not share comes first. Nodes that
+    are never reached do not count."""
     found: dict[Resource, NodeSpec] = {}
     for part in spec.iterate():
         if not survey.started(part):
@@ -172,7 +172,7 @@ def users(survey: LintModel, spec: NodeSpec) -> Users:
 
 
 def _starts_first(spec: NodeSpec, flow: control_flow.Flow | None) -> bool:
-    """Whether the node ticks its first child at once, whatever holds."""
+    """Whether the node ticks its first child at once in any case."""
     match flow:
         case control_flow.Loop():
             return not flow.each_of and flow.guard not in spec.ports
@@ -193,7 +193,7 @@ def _starts_first(spec: NodeSpec, flow: control_flow.Flow | None) -> bool:
 
 
 def _first_user(survey: LintModel, spec: NodeSpec) -> NodeSpec | None:
-    """The leaf that uses something and that the branch begins with, whatever holds."""
+    """Return the leaf with a resource with which the branch begins in any case; None without one."""
     if spec.preconditions:
         return None
     if spec.node is None:
@@ -209,6 +209,6 @@ def _first_user(survey: LintModel, spec: NodeSpec) -> NodeSpec | None:
 
 
 def _passes_by(survey: LintModel, spec: NodeSpec) -> bool:
-    """Whether it ends at once and always lets the next begin, as Log does."""
+    """Whether it ends at once and always leads to the next child, as Log does."""
     ends = survey.ends(spec)
     return not ends.running and not ends.failure

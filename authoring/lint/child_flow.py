@@ -16,10 +16,10 @@ from picktree.world import internal
 
 from .flow_walk import FlowWalk
 from .outcomes import (
+    HAND_SHARED,
+    NO_CONCURRENT_EFFECT,
     NO_REPORT,
-    NONE,
-    NOTHING,
-    SHARED,
+    NO_STATES,
     UNREPORTED,
     ConcurrentEffect,
     FailureReasons,
@@ -39,7 +39,8 @@ from .outcomes import (
 class ChildWalk:
     """Passes over the children of one node that starts in one state.
 
-    `_arriving`: where each child starts, by what came before it; the last: what is past all children.
+    `_arriving`: start states of each child, by the outcome before it; the last entry: states after all
+    children.
     """
 
     def __init__(self, spec: NodeSpec, flow: control_flow.ChildFlow, walk: FlowWalk) -> None:
@@ -105,7 +106,7 @@ class ChildWalk:
             self._walk.unreached(self._parts[0], why)
             return ends
         starts: States = frozenset((entry,))
-        seen = NONE if isinstance(flow, control_flow.Recovery) else starts
+        seen = NO_STATES if isinstance(flow, control_flow.Recovery) else starts
         for run in count(1):
             self._again = set()
             ends.take(self._pass(self._parts, Outcomes(skipped=self._begun(starts)), run))
@@ -125,7 +126,7 @@ class ChildWalk:
 
     @cached_property
     def _missing_reasons(self) -> FailureReasons:
-        """Reasons in place of a report that no child gives."""
+        """Reasons for a failure that no child reports."""
         return self._own_reasons if self._node.causes else NO_REPORT
 
     def _begun(self, starts: States) -> States:
@@ -138,17 +139,17 @@ class ChildWalk:
             else None
         )
         if isinstance(flow, control_flow.Loop) and isinstance(guard, Expression):
-            asked = self._walk.ask(spec, flow.guard, guard, starts)
-            self._ends.add(control_flow.SUCCESS, asked.no)
-            self._ends.fail(asked.failed)
-            starts = asked.yes
+            answers = self._walk.ask(spec, flow.guard, guard, starts)
+            self._ends.add(control_flow.SUCCESS, answers.no)
+            self._ends.fail(answers.failed)
+            starts = answers.yes
             if not starts:
                 self._walk.unreached(spec.children[0], f"its {flow.guard} never holds")
         return tidy(state.written(self._walk.outputs(spec)) for state in starts)
 
     @cached_property
     def _chosen(self) -> tuple[NodeSpec, ...]:
-        """Cases, and the default, that the value may lead to; one at most where the text says the value."""
+        """Possible cases for the value, with the default; at most one for a constant value."""
         key, cases, default = self._choice
         bound = self._spec.ports[key]
         if not isinstance(bound, references.Constant):
@@ -158,7 +159,7 @@ class ChildWalk:
 
     @cached_property
     def _choice(self) -> tuple[str, tuple[tuple[str, NodeSpec], ...], tuple[NodeSpec, ...]]:
-        """The input whose value selects a case, the cases by label, and the default."""
+        """Input whose value selects a case, cases by label, and default."""
         slot = next(slot for slot in self._node.slots if slot.matches)
         cases = self._spec.slots[slot.key]
         default = tuple(part for part in self._parts if not any(part is case for _, case in cases))
@@ -189,13 +190,13 @@ class ChildWalk:
     # One pass over children.
 
     def _pass(self, parts: tuple[NodeSpec, ...], first: Outcomes, run: int = 1, turn: int = 0) -> Outcomes:
-        """Collect the ends of one pass from the child `turn` on; return what comes past the last child."""
+        """Collect the ends of one pass from the child `turn` on; return the outcomes after the last child."""
         flow, walk = self._flow, self._walk
         one_of = isinstance(flow, control_flow.Choice)
         chosen = self._chosen if isinstance(flow, control_flow.Choice) else parts[turn : turn + 1]
         self._arriving = [first if any(part is one for one in chosen) else Outcomes() for part in parts]
         self._arriving.append(Outcomes())
-        meanwhile, before = NOTHING, ""
+        meanwhile, before = NO_CONCURRENT_EFFECT, ""
         for index, part in enumerate(parts):
             arrival = self._arriving[index].tidied()
             if not arrival.everywhere:
@@ -233,7 +234,7 @@ class ChildWalk:
                 return f"{before} before it never {'succeeds' if succeeds else 'fails'}"
 
     def _lead(self, index: int, status: NodeStatus) -> control_flow.Lead | int:
-        """Return where a result of that child leads; a number: to another child."""
+        """Return the destination of a result of that child; a number: another child."""
         match self._flow:
             case control_flow.Branch() if index == 0 and status is not control_flow.SKIPPED:
                 chosen = 1 if status is control_flow.SUCCESS else 2
@@ -297,10 +298,10 @@ class ChildWalk:
         flow, ends, unhidable = self._flow, self._ends, self._walk.unhidable
         if isinstance(flow, control_flow.Loop) and flow.passes_over[0] and reasons is not None:
             key, value = flow.passes_over
-            given = self._walk.literal(self._spec, key)
+            literal = self._walk.literal(self._spec, key)
             # A failure that may not be hidden is passed over once the operator has acknowledged it.
-            ends.add(control_flow.FAILURE, (state,), reasons.only(unhidable) if given == value else reasons)
-            if given is not None and given != value:
+            ends.add(control_flow.FAILURE, (state,), reasons.only(unhidable) if literal == value else reasons)
+            if literal is not None and literal != value:
                 return
             status, lead, reasons = control_flow.SUCCESS, control_flow.AGAIN, None
         if lead is control_flow.AGAIN:
@@ -344,7 +345,8 @@ class ChildWalk:
         return found
 
     def _share(self, failures: Failures, run: int) -> None:
-        """Lead each failure to the first handler of its cause, and to the end where no run may follow."""
+        """Lead each failure to the first handler of its cause, and to the end when no further run is
+        allowed."""
         for index, (label, pattern) in self._handlers.items():
             mask = self._walk.causes.matching(pattern)
             caught, failures = narrowed(failures, mask), narrowed(failures, ~mask)
@@ -387,13 +389,13 @@ class ChildWalk:
         return ends.tidied()
 
     def _resumed(self, entry: FlowState) -> Outcomes:
-        """Follow the children from each with which an activation may begin."""
+        """Follow the children from each possible first one of an activation."""
         for turn in range(len(self._parts)):
             if turn == 0 or entry.maybe & self._passed[turn - 1]:
                 over = self._pass(self._parts, Outcomes(skipped=frozenset((entry,))), turn=turn)
                 if turn:
                     self._ends.add(control_flow.SUCCESS, over.skipped)
-                    over.skipped = NONE
+                    over.skipped = NO_STATES
                 self._ends.take(over)
         return self._ends.tidied()
 
@@ -409,7 +411,7 @@ class ChildWalk:
             over = self._pass(order, Outcomes(skipped=frozenset((entry,))))
             whole = len(order) == len(parts)
             ends.fail(over.failure)
-            ends.add(control_flow.SKIPPED, over.skipped if whole else NONE)
+            ends.add(control_flow.SKIPPED, over.skipped if whole else NO_STATES)
             if self._runs_on or not whole:
                 ends.add(control_flow.FAILURE, over.skipped, NO_REPORT)
             if wraps and self._runs_on:
@@ -429,19 +431,19 @@ class ChildWalk:
 
 @dataclass(frozen=True, slots=True)
 class _Part:
-    """One child: where it starts, and how it may end; no end: it is never ticked."""
+    """Child with its start states and possible outcomes; no outcome: it is never ticked."""
 
     start: FlowState
     ends: Outcomes
     moves: bool = False
-    """Whether it may change what the hand holds."""
+    """Whether it may change the held object."""
 
     @property
     def passed(self) -> States:
         return self.ends.success | self.ends.skipped
 
     def anywhere(self, entry: FlowState) -> States:
-        """Not begun yet, where nothing before it need have come to its end; still running; or ended."""
+        """Possible states of the child: before its start if no end must precede it, running, or ended."""
         return self.ends.everywhere | {self.start._replace(sure=entry.sure)}
 
 
@@ -463,7 +465,7 @@ class ParallelWalk:
             self._wanted = self._total - self._tolerated + 1
 
     def outcomes(self) -> Outcomes:
-        effects = [NOTHING] * self._total
+        effects = [NO_CONCURRENT_EFFECT] * self._total
         while True:
             parts = self._started(effects)
             more = [e.with_(p.ends.effect(p.start)) for e, p in zip(effects, parts, strict=True)]
@@ -485,16 +487,16 @@ class ParallelWalk:
             for other, effect in enumerate(effects):
                 start = effect.on(start) if other != index else start
             ends = self._walk.child(child, (start,))
-            if not self._entry.hand & SHARED:
+            if not self._entry.hand & HAND_SHARED:
                 start, ends = start.alone(), ends.mapped(FlowState.alone)
             turns = any(state.hand != start.hand for state in ends.everywhere)
             parts.append(_Part(start, ends, moves=turns or effects[index].hand != 0))
             if not ends.running:
                 over = self._decides(ends)
                 fails = self._tolerated == 1 and not self._waits
-                goes_on = parts[-1].passed | (NONE if fails else ends.failure.keys())
+                leads_on = parts[-1].passed | (NO_STATES if fails else ends.failure.keys())
                 # The next child may rely on what is written by one that ends at once.
-                sure = sure.written(merged(goes_on).sure) if goes_on else sure
+                sure = sure.written(merged(leads_on).sure) if leads_on else sure
         return parts
 
     def _decides(self, ends: Outcomes) -> bool:
@@ -523,7 +525,7 @@ class ParallelWalk:
         return ends.tidied()
 
     def _fail(self, parts: list[_Part], anywhere: list[States], ends: Outcomes) -> None:
-        """Add the failures, if so many children as are needed may fail."""
+        """Add the failures, if enough children may fail."""
         needed = 1
         if self._wanted is not None and self._tolerated is not None:
             needed = max(1, min(self._tolerated, self._total - self._wanted + 1))
@@ -537,7 +539,7 @@ class ParallelWalk:
                 )
 
     def _together(self, parts: list[_Part], ways: list[States]) -> Iterable[FlowState]:
-        """States in which each child is in one of its own."""
+        """Return states that combine one state of each child."""
         entry, ways_taken = self._entry, [merged(states) for states in ways if states]
         sure, maybe, doubtful = entry.sure, entry.maybe, entry.doubtful
         for way in ways_taken:
@@ -560,7 +562,7 @@ def clean_up_outcomes(
 ) -> Outcomes:
     *tried, last = spec.children
     ends, failed, before = Outcomes(), Outcomes(), ""
-    halted: States = NONE
+    halted: States = NO_STATES
     arriving = Outcomes(skipped=frozenset((entry,)))
     for part in tried:
         if not (arriving.success or arriving.skipped):
@@ -584,7 +586,8 @@ def clean_up_outcomes(
 
 
 def _clean(last: NodeSpec, failures: Failures, ends: Outcomes, walk: FlowWalk) -> None:
-    """Add the failures after the last child. Its own counts only where the one before it has no report."""
+    """Add the failures after the last child. Its own failure counts only when the one before it is
+    unreported."""
     for state, reasons in failures.items():
         cleaned, reported = walk.child(last, (state,)), reasons.only(~UNREPORTED)
         ends.add(control_flow.RUNNING, cleaned.running)

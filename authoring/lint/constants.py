@@ -31,7 +31,7 @@ def short_timeouts(survey: LintModel) -> Iterator[Diagnostic]:
 
 
 def unknown_objects(survey: LintModel) -> Iterator[Diagnostic]:
-    """P346: the name of an object that nothing in the scene will have."""
+    """P346: the name of an object that no object of the scene will have."""
     known = survey.known
     if known is None:
         return

@@ -27,29 +27,30 @@ from picktree.world import world_facts
 
 from .mission_survey import LintModel
 
-_BY_ITSELF = "time"
-"""The fact that changes although nobody does anything."""
+_CHANGING_FACT = "time"
+"""Fact that changes without an action of the robot."""
 
 
 @dataclass(frozen=True, slots=True)
 class BranchEffects:
-    """`acts`: something in it may move the robot, look, or do what nobody knows. `keys`: what it writes."""
+    """Effects of a branch. `acts`: a node may move the robot, look, or have unknown effects. `keys`: written
+    keys."""
 
     acts: bool
     keys: frozenset[str]
 
     def decides(self, expression: Expression) -> bool:
-        """Whether the expression may get another value by it."""
+        """Whether the branch may change the value of the expression."""
         facts = {name for name in expression.names if name in world_facts.FACTS}
         by_world = self.acts and bool(facts or expression.paths)
-        return by_world or _BY_ITSELF in facts or bool(self.keys & expression.names)
+        return by_world or _CHANGING_FACT in facts or bool(self.keys & expression.names)
 
 
 NO_EFFECT = BranchEffects(acts=False, keys=frozenset())
 
 
 def changes_of(branches: Iterable[NodeSpec], trees: Mapping[str, TreeSpec]) -> BranchEffects:
-    """Return the possible changes by the branches, seen from the tree in which they stand."""
+    """Return the possible changes by the branches, with the keys of the tree that contains them."""
     acts, keys = False, set[str]()
     for spec in (spec for branch in branches for spec in branch.iterate()):
         keys.update(use.key for use in data_flow.uses_of(spec, trees) if use.writes)
@@ -61,19 +62,21 @@ def changes_of(branches: Iterable[NodeSpec], trees: Mapping[str, TreeSpec]) -> B
 
 
 def is_constant(branch: NodeSpec, trees: Mapping[str, TreeSpec], between: BranchEffects = NO_EFFECT) -> bool:
-    """Whether it takes no time and answers alike each time, with these changes between two times."""
+    """Whether it takes no time and always has the same outcome, with these changes between two
+    activations."""
     written, read = set(between.keys), set[str]()
     for spec in branch.iterate():
         if not (is_constant(trees[spec.id].root, trees) if spec.node is None else is_steady(spec.node)):
             return False
         for use in data_flow.uses_of(spec, trees):
             (written if use.writes else read).add(use.key)
-    return not between.acts and _BY_ITSELF not in read and not written & read
+    return not between.acts and _CHANGING_FACT not in read and not written & read
 
 
 @dataclass(frozen=True, slots=True)
 class NodeContext:
-    """`stopped`: something above may halt it while it runs. `beside`: something else is ticked meanwhile."""
+    """Context of a node. `stopped`: a node above may halt it. `beside`: other nodes are ticked at the same
+    time."""
 
     stopped: bool = False
     beside: bool = False
@@ -99,15 +102,17 @@ class NodeContext:
 
 
 def _may_end_early(spec: NodeSpec, child: NodeSpec, survey: LintModel) -> bool:
-    """Whether a Parallel may end by what its other children do."""
+    """Whether a Parallel may end because of its other children."""
     others = [survey.ends(part) for part in spec.children if part is not child]
     wanted = survey.walk.number(spec, "success_count")
     return any(other.failure for other in others) or wanted not in (-1, len(spec.children))
 
 
 def contexts(survey: LintModel) -> Iterator[tuple[NodeSpec, NodeContext]]:
-    """The nodes of the mission's own file that start, in each context in which they stand. Of a library none:
-    who knows where its trees will stand."""
+    """Return the started nodes of the mission's own file, in each of their contexts.
+
+    Empty for a library, because the contexts of its trees are unknown.
+    """
     seen: set[tuple[str, NodeContext]] = set()
     main = survey.mission.trees[MAIN].root if survey.main is not None else None
     todo = [(main, NodeContext())] if main is not None else []
@@ -121,8 +126,8 @@ def contexts(survey: LintModel) -> Iterator[tuple[NodeSpec, NodeContext]]:
         todo += [(child, around.below(spec, child, survey)) for child in spec.children]
 
 
-def _left_alone(survey: LintModel, *kinds: type[Node]) -> Iterator[tuple[NodeSpec, NodeContext]]:
-    """Nodes of these classes that nothing stops while they run."""
+def _unhalted_nodes(survey: LintModel, *kinds: type[Node]) -> Iterator[tuple[NodeSpec, NodeContext]]:
+    """Yield the nodes of these classes that no other node halts."""
     for spec, context in contexts(survey):
         stopped = context.stopped or "_while" in spec.preconditions
         if not stopped and spec.node is not None and issubclass(spec.node, kinds):
@@ -130,8 +135,8 @@ def _left_alone(survey: LintModel, *kinds: type[Node]) -> Iterator[tuple[NodeSpe
 
 
 def endless(survey: LintModel) -> Iterator[Diagnostic]:
-    """P321, P322: a loop that nothing ends."""
-    for spec, context in _left_alone(survey, Repeat, RetryUntilSuccessful, KeepRunningUntilFailure):
+    """P321, P322: a loop that never ends."""
+    for spec, context in _unhalted_nodes(survey, Repeat, RetryUntilSuccessful, KeepRunningUntilFailure):
         name, child = spec.children[0].name, survey.ends(spec.children[0])
         if spec.node is not None and issubclass(spec.node, Repeat):
             yield from _repeat(survey, spec, context)
@@ -147,7 +152,7 @@ def endless(survey: LintModel) -> Iterator[Diagnostic]:
 
 
 def only_failing(survey: LintModel) -> Iterator[Diagnostic]:
-    """P327: a mission that cannot succeed, however well all goes."""
+    """P327: a mission that cannot succeed."""
     main = survey.main
     if main is None or main.success or main.skipped or not main.failure:
         return
@@ -169,30 +174,30 @@ def _repeat(survey: LintModel, spec: NodeSpec, context: NodeContext) -> Iterator
     constant = isinstance(condition, Expression) and survey.walk.shape(condition).constant
     if condition is None or constant:
         at = "while" if constant else "num_cycles"
-        given = "'while' always holds" if constant else "num_cycles is -1 and there is no 'while'"
+        reason = "'while' always holds" if constant else "num_cycles is -1 and there is no 'while'"
         if child.fails_surely or child.skipped:
-            message = f"it ends only when {part.name} fails: {given}"
+            message = f"it ends only when {part.name} fails: {reason}"
         else:
-            message = f"it never ends: {given}, and {part.name} cannot fail"
+            message = f"it never ends: {reason}, and {part.name} cannot fail"
         yield survey.fault(spec, message, "a number of cycles, a 'while', or a Timeout", code="P321", at=at)
         return
     if not isinstance(condition, Expression) or constant is not None or context.beside:
         return
     if not changes_of((part,), survey.mission.trees).decides(condition):
-        message = f"nothing in {part.name} changes '{condition}': once begun, the loop goes on for ever"
+        message = f"nothing in {part.name} changes '{condition}': once begun, the loop never ends"
         yield survey.fault(spec, message, "a number of cycles besides", code="P322", at="while")
 
 
 def unbounded_recovery(survey: LintModel) -> Iterator[Diagnostic]:
-    """P325: a loop goes on while items are left, and passes over what fails with them."""
-    for spec, _ in _left_alone(survey, Repeat):
+    """P325: a loop repeats while items are left, and passes over their failures."""
+    for spec, _ in _unhalted_nodes(survey, Repeat):
         condition = survey.walk.literal(spec, "while")
         if survey.walk.number(spec, "num_cycles") != -1 or not isinstance(condition, Expression):
             continue
-        below = tuple(_everything(spec.children[0], survey))
+        below = tuple(_with_descendants(spec.children[0], survey))
         loops = (s for s in below if s.node is not None and issubclass(s.node, ForEach))
         passing = next((s for s in loops if survey.walk.literal(s, "on_failure") == "continue"), None)
-        if passing is None or not _OF_ITEMS & condition.names:
+        if passing is None or not _ITEM_FACTS & condition.names:
             continue
         flows = (s.node.declaration.flow for s in below if s.node is not None)
         if not any(isinstance(flow, control_flow.LeafFlow) and flow.gives_up for flow in flows):
@@ -201,16 +206,16 @@ def unbounded_recovery(survey: LintModel) -> Iterator[Diagnostic]:
             yield survey.fault(spec, message, "a number of cycles, or SetAside", code="P325", at="while")
 
 
-_OF_ITEMS = frozenset(("items_left", "items_to_do"))
+_ITEM_FACTS = frozenset(("items_left", "items_to_do"))
 
 
 def is_steady(node: type[Node]) -> bool:
-    """Whether it takes no time of its own, and follows from keys and facts."""
+    """Whether it takes no time of its own, and depends on keys and facts alone."""
     return node.declaration.flow is not None and node.declaration.flow.steady
 
 
-def _everything(spec: NodeSpec, survey: LintModel) -> Iterator[NodeSpec]:
-    """The node and all below it, in sub-trees too."""
+def _with_descendants(spec: NodeSpec, survey: LintModel) -> Iterator[NodeSpec]:
+    """Yield the node and all its descendants, in sub-trees, too."""
     seen: set[str] = set()
     todo = [spec]
     while todo:
@@ -222,7 +227,7 @@ def _everything(spec: NodeSpec, survey: LintModel) -> Iterator[NodeSpec]:
 
 
 def vain_attempts(survey: LintModel) -> Iterator[Diagnostic]:
-    """P323: what fails once fails each time."""
+    """P323: a retry of a node that fails every time."""
     trees, found = survey.mission.trees, set[int]()
     for spec, context in contexts(survey):
         if context.beside or id(spec) in found:
@@ -238,7 +243,7 @@ def vain_attempts(survey: LintModel) -> Iterator[Diagnostic]:
 
 
 def _attempts(survey: LintModel, spec: NodeSpec) -> tuple[NodeSpec | None, tuple[NodeSpec, ...]]:
-    """Return the child that a node tries several times, and those that it runs in between."""
+    """Return the child that a node tries several times, and the children that it runs in between."""
     flow = spec.node.declaration.flow if spec.node is not None else None
     if not isinstance(flow, control_flow.Loop | control_flow.Recovery) or (
         isinstance(flow, control_flow.Loop) and flow.failure is not control_flow.AGAIN

@@ -1,4 +1,4 @@
-"""Walk through a mission from state to state: the part that the flow of one node needs, and the findings."""
+"""Walk through a mission from state to state: the interface for the flow of one node, and the findings."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from picktree.world import world as world_causes
 
 from .keys import ExpressionShape, KeyBits, shape
 from .outcomes import (
-    EMPTY,
     FIRST_FILLER,
-    NOTHING,
-    SHARED,
+    HAND_EMPTY,
+    HAND_SHARED,
+    NO_CONCURRENT_EFFECT,
     CauseBits,
     ConcurrentEffect,
     FailureReasons,
@@ -35,7 +35,7 @@ from .outcomes import (
 
 @dataclass(frozen=True, slots=True)
 class ExpressionAnswers:
-    """Possible answers of an expression: where it holds, where not, and where it has no value."""
+    """Possible values of an expression: states where it holds, where not, and where it has no value."""
 
     yes: States
     no: States
@@ -44,7 +44,7 @@ class ExpressionAnswers:
 
 @dataclass(slots=True)
 class KeyRead:
-    """A key that is read at one place. It may be unwritten there (`missing`), or written (`ever`)."""
+    """Read of a key at one place. The key may be unwritten there (`missing`), or written (`ever`)."""
 
     spec: NodeSpec
     place: str
@@ -56,10 +56,10 @@ class KeyRead:
 
 @dataclass(slots=True)
 class WiredTree:
-    """A tree in one way of being wired.
+    """Tree with one wiring of its ports.
 
-    `same`: bits that stand for one key; `owned`: inputs that are attributes of an object; `rooted`: keys that
-    other trees write, too, own ones and ports.
+    `same`: bits of the same key; `owned`: inputs that are attributes of an object; `rooted`: own keys and
+    ports that other trees write, too.
     """
 
     layout: KeyBits
@@ -70,21 +70,21 @@ class WiredTree:
 
 
 class FlowWalk(ABC):
-    """Walk through a mission, as far as the flow of one node needs it."""
+    """Interface of the walk through a mission for the flow of one node."""
 
     def __init__(self) -> None:
         self.causes = CauseBits()
         self.reads: dict[tuple[int, str, str], KeyRead] = {}
-        """By `id` of the spec, its key under which the name stands, and the name."""
+        """Reads by `id` of the spec, its port or condition with the name, and the name."""
         self.raised: dict[int, int] = {}
-        """What each node has raised itself, by `id` of its spec."""
+        """Causes that each node has raised itself, by `id` of its spec."""
         self._missing_input = self.causes.of((tree_causes.MISSING_INPUT,))
         self._unknown_object = self.causes.of((world_causes.UNKNOWN_OBJECT,))
         self.undeclared = self._missing_input | self._unknown_object | self.causes.of((tree_causes.TIMEOUT,))
-        """What a node may fail with although it does not declare it."""
+        """Causes with which a node may fail without a declaration."""
         self.no_image = self.causes.of((perception.NO_IMAGE,))
-        """What whoever looks may fail with. Where it declares nothing else of a look, nobody is told to
-        handle it: any device may fail."""
+        """Cause with which any look may fail. Without another declared cause of a look, the linter does not
+        demand a handler for it: any device may fail."""
         self._here: WiredTree | None = None
         self._missing = 0
         self._shapes: dict[int, ExpressionShape] = {}
@@ -93,15 +93,15 @@ class FlowWalk(ABC):
         self.started: set[int] = set()
         self.entered: set[str] = set()
         self.blocked: dict[int, str] = {}
-        """Why a node was not reached, by `id` of its spec; it may have been from elsewhere."""
+        """Reason why a node was not reached, by `id` of its spec; another path may still reach it."""
         self.handled: set[tuple[int, str]] = set()
         """Handlers that were used, by `id` of the spec and label."""
         self.fillers: dict[int, tuple[int, NodeSpec]] = {}
-        """Bits of `FlowState.hand` with the node that took what is held, by `id` of its spec."""
+        """Bits of `FlowState.hand` with the node that took the held object, by `id` of its spec."""
         self.kept: set[int] = set()
         """Children, by `id` of the spec, that their parent ticks again after their end without a reset."""
         self.unhidable = self.causes.matching("safety.*")
-        """What no node may turn into a success; faults of the program are not walked through."""
+        """Causes that no node may turn into a success; faults of the program are left out."""
         self._remembered: dict[int, FailureReasons] = {}
         self._recalled: set[int] = set()
         self._outdated = False
@@ -112,7 +112,7 @@ class FlowWalk(ABC):
         return self._here
 
     def fails(self, spec: NodeSpec, loud: int, quiet: int = 0) -> FailureReasons:
-        """Failures of the node's own making."""
+        """Return the failures that the node itself raises."""
         key = (id(spec), loud, quiet & ~loud)
         if key not in self._made:
             self._made[key] = FailureReasons(loud, quiet & ~loud, origin=spec)
@@ -120,7 +120,7 @@ class FlowWalk(ABC):
         return self._made[key]
 
     def literal(self, spec: NodeSpec, key: str) -> object:
-        """The value of an input where the text says it, or its default; None where it is read or computed."""
+        """Return the constant value of an input, or its default; None for a read or computed one."""
         bound = spec.ports.get(key)
         if isinstance(bound, references.Constant):
             return bound.value
@@ -155,7 +155,7 @@ class FlowWalk(ABC):
         return reduce(int.__or__, map(self.bits, keys), 0)
 
     def flags(self, spec: NodeSpec) -> tuple[int, ...]:
-        """The bits of a node that is `lasting`."""
+        """Return the bits of a node that is `lasting`."""
         return self._frame.layout.flags[id(spec)]
 
     def shape(self, expression: Expression) -> ExpressionShape:
@@ -166,7 +166,7 @@ class FlowWalk(ABC):
     def ask(
         self, spec: NodeSpec, place: str, expression: Expression, states: Iterable[FlowState]
     ) -> ExpressionAnswers:
-        """Return the answers of the expression under the key `place` of a node."""
+        """Return the possible values of the expression under the key `place` of a node."""
         found = self.shape(expression)
         yes: list[FlowState] = []
         no: list[FlowState] = []
@@ -177,29 +177,29 @@ class FlowWalk(ABC):
             if found.fails:
                 continue
             if found.constant is not False:
-                yes.append(self._told(after, holding=found.if_yes))
+                yes.append(self._with_holding(after, holding=found.if_yes))
             if found.constant is not True:
-                no.append(self._told(after, holding=found.if_no))
+                no.append(self._with_holding(after, holding=found.if_no))
         return ExpressionAnswers(tidy(yes), tidy(no), failed.tidied().failure)
 
     # For the walk.
 
-    def _told(self, state: FlowState, *, holding: bool | None) -> FlowState:
-        """After the fact `holding` was heard, unless a key hides it."""
+    def _with_holding(self, state: FlowState, *, holding: bool | None) -> FlowState:
+        """Return the state after a test of the fact `holding`; unchanged when a key hides the fact."""
         hidden = state.maybe & self._frame.layout.keys.get("holding", 0)
-        if holding is None or hidden or state.hand & SHARED:
+        if holding is None or hidden or state.hand & HAND_SHARED:
             return state
         # What a node holds that does not say so of itself is not known here.
-        held = state.hand & ~EMPTY
-        return state.holding((held or state.hand) if holding else EMPTY)
+        held = state.hand & ~HAND_EMPTY
+        return state.holding((held or state.hand) if holding else HAND_EMPTY)
 
     def bits(self, key: str) -> int:
-        """The bits that stand for a key: several where ports of the tree are wired to one."""
+        """Return the bits of a key: several when ports of the tree are wired to the same key."""
         bit = self._frame.layout.keys[key]
         return self._frame.same.get(bit, bit)
 
     def inputs(self, spec: NodeSpec, state: FlowState) -> tuple[FlowState, FailureReasons]:
-        """After the inputs were read as the node starts; and why that may fail."""
+        """Return the state after the read of the inputs at the start, and the reasons of a failure."""
         assert spec.node is not None
         state, reasons = self.computed_inputs(spec, state)
         loud = quiet = 0
@@ -219,7 +219,8 @@ class FlowWalk(ABC):
         return state, joined((self.fails(spec, loud, quiet), *reasons))
 
     def computed_inputs(self, spec: NodeSpec, state: FlowState) -> tuple[FlowState, list[FailureReasons]]:
-        """After the expressions at the node's ports were evaluated as it starts; and why that may fail."""
+        """Return the state after the evaluation of the ports' expressions at the start, and the reasons of a
+        failure."""
         found: list[FailureReasons] = []
         for key, bound in spec.ports.items():
             if isinstance(bound, references.PortExpression):
@@ -230,7 +231,8 @@ class FlowWalk(ABC):
     def _names(
         self, spec: NodeSpec, place: str, found: ExpressionShape, state: FlowState
     ) -> tuple[FlowState, FailureReasons]:
-        """After the names of an expression were read; and why it may have no value."""
+        """Return the state after the read of an expression's names, and the reasons why it may have no
+        value."""
         loud, quiet, owned = 0, 0, found.attributes
         for name in found.names:
             bits = self.bits(name)
@@ -251,7 +253,8 @@ class FlowWalk(ABC):
     def read(
         self, spec: NodeSpec, place: str, key: str, bits: int, state: FlowState
     ) -> tuple[FlowState, int, int]:
-        """After a key was read: then it was written. Also the causes if it may not have been: loud, quiet."""
+        """Return the state after the read of a key, in which it is written, and the causes of an unwritten
+        key: loud, quiet."""
         if bits & self._frame.rooted:
             return state.perhaps(bits), 0, self._missing_input
         unwritten = not state.sure & bits
@@ -259,8 +262,8 @@ class FlowWalk(ABC):
         if not unwritten:
             return state, 0, 0
         # Of what comes behind a read that cannot succeed nothing is told; a loop does not make it succeed.
-        told = state.maybe & bits or self._frame.layout.inputs & bits
-        return state.written(bits) if told else state.in_doubt(), self._missing_input, 0
+        reportable = state.maybe & bits or self._frame.layout.inputs & bits
+        return state.written(bits) if reportable else state.in_doubt(), self._missing_input, 0
 
     def note_read(self, spec: NodeSpec, place: str, key: str, state: FlowState, *, missing: bool) -> None:
         layout, bits = self._frame.layout, self.bits(key)
@@ -278,12 +281,15 @@ class FlowWalk(ABC):
     # What a node's flow may ask.
 
     def child(
-        self, spec: NodeSpec, states: Iterable[FlowState], meanwhile: ConcurrentEffect = NOTHING
+        self, spec: NodeSpec, states: Iterable[FlowState], meanwhile: ConcurrentEffect = NO_CONCURRENT_EFFECT
     ) -> Outcomes:
-        """The ends of a child that starts in any of the states; `meanwhile`: changes between its ticks."""
-        if meanwhile != NOTHING and any(self.node_outcomes(spec, state).running for state in states):
+        """Return the outcomes of a child that starts in any of the states; `meanwhile`: changes between its
+        ticks."""
+        if meanwhile != NO_CONCURRENT_EFFECT and any(
+            self.node_outcomes(spec, state).running for state in states
+        ):
             flow = self.child(spec, tidy(meanwhile.on(state) for state in states))
-            shared = any(state.hand & SHARED for state in states)
+            shared = any(state.hand & HAND_SHARED for state in states)
             return flow if shared or not meanwhile.hand else flow.mapped(FlowState.alone)
         flows = [self.node_outcomes(spec, state) for state in states]
         if len(flows) == 1:
@@ -296,10 +302,10 @@ class FlowWalk(ABC):
     def effect(self, spec: NodeSpec, states: Iterable[FlowState]) -> ConcurrentEffect:
         """Return the possible effect of a child that starts in any of these states."""
         effects = (self.node_outcomes(spec, state).effect(state) for state in states)
-        return reduce(ConcurrentEffect.with_, effects, NOTHING)
+        return reduce(ConcurrentEffect.with_, effects, NO_CONCURRENT_EFFECT)
 
     def remember(self, spec: NodeSpec, reasons: FailureReasons) -> None:
-        """Remember how the node may have failed in an earlier activation."""
+        """Remember the reasons of failures of the node in an earlier activation."""
         known = self._remembered.get(id(spec))
         together = reasons if known is None else joined((known, reasons))
         if known is None or together.any & ~known.any or together.loud & ~known.loud:
@@ -307,21 +313,21 @@ class FlowWalk(ABC):
             self._outdated = self._outdated or id(spec) in self._recalled
 
     def recall(self, spec: NodeSpec) -> FailureReasons:
-        """Return how the node may have failed in an earlier activation."""
+        """Return the reasons of failures of the node in an earlier activation."""
         self._recalled.add(id(spec))
         return self._remembered.get(id(spec), FailureReasons(0, 0))
 
     def filler(self, spec: NodeSpec) -> int:
-        """The bit of `FlowState.hand` that says that this node took what is held."""
+        """Return the bit of `FlowState.hand` for an object that this node took."""
         self.fillers.setdefault(id(spec), (FIRST_FILLER << len(self.fillers), spec))
         return self.fillers[id(spec)][0]
 
     def unreached(self, spec: NodeSpec, why: str) -> None:
-        """The child is not ticked this time; `why` completes `it is never reached: …`."""
+        """Note that the child is not ticked here; `why` completes `it is never reached: …`."""
         self.blocked[id(spec)] = why
 
     def handles(self, spec: NodeSpec, label: str) -> None:
-        """The node has used the handler of that label."""
+        """Note that the node has used the handler of that label."""
         self.handled.add((id(spec), label))
 
     @abstractmethod

@@ -22,7 +22,7 @@ class _Unmet:
 
 
 def unhandled(survey: LintModel) -> Iterator[Diagnostic]:
-    """P310: a cause that ends the mission although nothing was tried against it."""
+    """P310: a cause that ends the mission without an attempted cure."""
     if survey.main is None:
         return
     # A key that is not written has a finding of its own.
@@ -55,7 +55,7 @@ def unhandled(survey: LintModel) -> Iterator[Diagnostic]:
 
 
 def _nothing_handled(survey: LintModel, places: list[_Unmet]) -> Diagnostic:
-    """One finding in place of many, for a mission without any recovery."""
+    """Return one finding in place of many, for a mission without any recovery."""
     names = list(dict.fromkeys(unmet.node.name for unmet in places))
     shown = ", ".join(names[:3]) + (", …" if len(names) > 3 else "")
     main = survey.mission.main
@@ -65,7 +65,7 @@ def _nothing_handled(survey: LintModel, places: list[_Unmet]) -> Diagnostic:
 
 
 def needless_handlers(survey: LintModel) -> Iterator[Diagnostic]:
-    """P311, P312: a handler whose causes the child does not fail with, or an earlier pattern takes."""
+    """P311, P312: a handler for causes that the child does not raise, or that an earlier pattern covers."""
     for spec in survey.nodes():
         # In a single run no handler is ever needed; that has a finding of its own.
         if spec.node is None or not survey.started(spec) or survey.walk.number(spec, "attempts") == 1:
@@ -101,7 +101,7 @@ def _table(survey: LintModel, spec: NodeSpec, slot: str) -> Iterator[Diagnostic]
 
 
 def _covers(pattern: str, other: str) -> bool:
-    """Whether the first takes all that the second would."""
+    """Whether the first pattern covers all causes of the second."""
     if pattern == "*":
         return not other.startswith(f"{internal.ANY}".removesuffix("*"))
     if pattern.endswith(".*"):

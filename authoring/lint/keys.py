@@ -1,4 +1,4 @@
-"""Keys of a tree as bits, and what an expression over keys may answer."""
+"""Keys of a tree as bits, and the possible values of an expression over keys."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from picktree.trees import MAIN, NodeSpec, TreeSpec, control_flow, data_flow, re
 
 
 class KeyUsage:
-    """The keys of one tree, with the places of the text that read and write them."""
+    """Keys of one tree, with the places of the text that read and write them."""
 
     def __init__(self, tree: TreeSpec, trees: Mapping[str, TreeSpec]) -> None:
         self.reads: dict[str, list[data_flow.KeyUse]] = {}
@@ -44,24 +44,24 @@ def _read_inside(spec: NodeSpec, trees: Mapping[str, TreeSpec]) -> Iterator[data
 
 @dataclass(frozen=True, slots=True)
 class KeyBits:
-    """Bits of one tree. An instance of a sub-tree keeps its keys from one activation to the next, so each
-    use of one has a region of its own: its layout, shifted."""
+    """Bits of one tree. An instance of a sub-tree keeps its keys from one activation to the next. So each use
+    of a sub-tree has its own region of bits: the shifted layout."""
 
     tree: TreeSpec
     keys: Mapping[str, int]
     flags: Mapping[int, tuple[int, ...]]
-    """Flags of nodes that remember something beyond their end, by `id` of the spec."""
+    """Flags of nodes that keep a state beyond their end, by `id` of the spec."""
     calls: Mapping[int, tuple[int, KeyBits]]
     """Shift and layout of each use of a sub-tree, by `id` of the spec."""
     size: int
     inputs: int
     rooted: int
-    """The bits of keys that other trees write, too: when they are written is not followed."""
+    """Bits of keys that other trees write, too; the times of these writes are not tracked."""
     usage: KeyUsage
 
 
 def lay_out(trees: Mapping[str, TreeSpec], order: tuple[str, ...]) -> dict[str, KeyBits]:
-    """The layouts of all trees; `order`: each after those that it uses."""
+    """Return the layouts of all trees; `order`: each tree after those that it uses."""
     layouts: dict[str, KeyBits] = {}
     for name in order:
         tree = trees[name]
@@ -99,8 +99,11 @@ def lay_out(trees: Mapping[str, TreeSpec], order: tuple[str, ...]) -> dict[str, 
 
 @dataclass(frozen=True, slots=True)
 class ExpressionShape:
-    """`certain`: names that are read whatever the values are. `total`: it has a value as soon as its names
-    have one, of whatever type. `constant`: whether it holds, where no name decides; None: cannot be said."""
+    """Properties of an expression.
+
+    `certain`: names that are read for any values. `total`: it has a value for values of any type. `constant`:
+    its truth value if independent of the names; else None.
+    """
 
     names: tuple[str, ...]
     certain: frozenset[str]
@@ -108,11 +111,11 @@ class ExpressionShape:
     total: bool
     constant: bool | None
     fails: bool
-    """It has no value at all: `1 / 0`."""
+    """Whether it never has a value, as `1 / 0`."""
     if_yes: bool | None
     """Value of the fact `holding` where the expression holds; None: unknown."""
     if_no: bool | None
-    """The same where it does not hold."""
+    """Value of the fact `holding` where the expression does not hold; None: unknown."""
 
 
 def shape(expression: Expression) -> ExpressionShape:
@@ -139,13 +142,13 @@ def shape(expression: Expression) -> ExpressionShape:
         is_total(expression.root),
         constant,
         fails,
-        says_of_hand(expression.root, answer=True),
-        says_of_hand(expression.root, answer=False),
+        implied_holding(expression.root, answer=True),
+        implied_holding(expression.root, answer=False),
     )
 
 
 def certain_names(part: expression_syntax.Part) -> frozenset[str]:
-    """Names that are read whatever the values are: those behind a first `and` or `or` are not."""
+    """Return the names that are read for any values: not those behind a first `and` or `or`."""
     match part:
         case expression_syntax.Name(name=name):
             return frozenset((name,))
@@ -160,7 +163,7 @@ def certain_names(part: expression_syntax.Part) -> frozenset[str]:
 
 
 def is_total(part: expression_syntax.Part) -> bool:
-    """Whether nothing in it works on some types only."""
+    """Whether all its operations accept any types."""
     match part:
         case expression_syntax.LiteralValue() | expression_syntax.Name():
             return True
@@ -179,16 +182,16 @@ def is_total(part: expression_syntax.Part) -> bool:
             return False
 
 
-def says_of_hand(part: expression_syntax.Part, *, answer: bool) -> bool | None:
-    """Whether something is held when that is the answer; None: it does not tell."""
+def implied_holding(part: expression_syntax.Part, *, answer: bool) -> bool | None:
+    """Return whether an object is held when the expression has that truth value; None: unknown."""
     match part:
         case expression_syntax.Name(name="holding"):
             return answer
         case expression_syntax.Not(operand=operand):
-            return says_of_hand(operand, answer=not answer)
+            return implied_holding(operand, answer=not answer)
         case expression_syntax.Logic(symbol=symbol, parts=parts) if (symbol == "and") is answer:
             # All parts of an `and` that holds do, and no part of an `or` that does not.
-            known = (says_of_hand(one, answer=answer) for one in parts)
-            return next((said for said in known if said is not None), None)
+            known = (implied_holding(one, answer=answer) for one in parts)
+            return next((each for each in known if each is not None), None)
         case _:
             return None

@@ -45,7 +45,8 @@ RULES: tuple[Callable[[LintModel], Iterable[Diagnostic]], ...] = (
 def lint(mission: Mission, known: SceneNames | None = None) -> tuple[Diagnostic, ...]:
     """Return the findings of the rules in a mission without errors; `known`: names of its scene and robot.
 
-    In the order of the file. Only what stands in the mission's own file: others are judged by themselves.
+    They are in the order of the file. Only nodes of the mission's own file count: other files are checked by
+    themselves.
     """
     survey = LintModel(mission, known)
     found = dict.fromkeys(fault for rule in RULES for fault in rule(survey))

@@ -1,5 +1,5 @@
-"""Survey that all rules read: the mission, the places of its nodes, and its flow: each node in every state in
-which it may start.
+"""Survey for all rules: the mission, the places of its nodes, and its flow: each node in every state in which
+it may start.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from .child_flow import ChildWalk, ParallelWalk, clean_up_outcomes
 from .flow_walk import FlowWalk, WiredTree
 from .keys import KeyBits, lay_out
 from .outcomes import (
-    EMPTY,
-    KEPT,
+    HAND_EMPTY,
+    HAND_SECURED,
+    HAND_SHARED,
+    HELD_OUTSIDE,
     NO_REPORT,
-    NONE,
-    OUTER,
-    SHARED,
+    NO_STATES,
     UNREPORTED,
     FailureReasons,
     FlowState,
@@ -57,20 +57,20 @@ def leaf_outcomes(
     if flow is not None and flow.asks:
         expression = walk.literal(spec, flow.asks)
         assert isinstance(expression, Expression)
-        asked = walk.ask(spec, flow.asks, expression, (entry,))
-        ends.add(control_flow.SUCCESS, asked.yes)
-        ends.add(control_flow.FAILURE, asked.no, NO_REPORT)
-        ends.fail(asked.failed)
+        answers = walk.ask(spec, flow.asks, expression, (entry,))
+        ends.add(control_flow.SUCCESS, answers.yes)
+        ends.add(control_flow.FAILURE, answers.no, NO_REPORT)
+        ends.fail(answers.failed)
         return ends.tidied()
     success, otherwise = node.hand_with(spec.ports)
     filler = walk.filler(spec) if "full" in (success, *otherwise) else 0
-    before = entry.hand if entry.hand & SHARED else 0
-    kept = KEPT if entry.hand & ~(EMPTY | SHARED) else 0
+    before = entry.hand if entry.hand & HAND_SHARED else 0
+    kept = HAND_SECURED if entry.hand & ~(HAND_EMPTY | HAND_SHARED) else 0
     hands: dict[control_flow.Hand, int] = {
         "unchanged": entry.hand,
-        "full": before | filler if entry.hand & EMPTY else entry.hand,  # full already: taken by another
-        "empty": before | EMPTY,
-        "kept": before | entry.hand & EMPTY | kept,
+        "full": before | filler if entry.hand & HAND_EMPTY else entry.hand,  # full already: taken by another
+        "empty": before | HAND_EMPTY,
+        "kept": before | entry.hand & HAND_EMPTY | kept,
     }
     outputs = walk.outputs(spec)
     halfway = entry.perhaps(outputs).holding(reduce(int.__or__, (hands[how] for how in otherwise)))
@@ -96,10 +96,10 @@ def _reasons(
 
 
 def any_order_outcomes(node: NodeDeclaration, spec: NodeSpec, entry: FlowState, walk: FlowWalk) -> Outcomes:
-    """Return the most cautious outcomes: children in any order, as often as one likes, and any end."""
+    """Return the most cautious outcomes: children in any order and number of activations, and any end."""
     outputs = walk.outputs(spec)
     reasons = [walk.fails(spec, walk.causes.of(node.causes_with(spec.ports)), walk.undeclared), NO_REPORT]
-    before, reached = NONE, frozenset((entry.perhaps(outputs),))
+    before, reached = NO_STATES, frozenset((entry.perhaps(outputs),))
     while before != reached:
         before, flows = reached, [walk.child(part, reached) for part in spec.children]
         reasons += (why for flow in flows for why in flow.failure.values())
@@ -111,21 +111,21 @@ def any_order_outcomes(node: NodeDeclaration, spec: NodeSpec, entry: FlowState, 
 
 
 class FlowAnalysis(FlowWalk):
-    """All that a mission may do, and the facts for the rules."""
+    """Flow analysis of a mission, with the facts for the rules."""
 
     def __init__(self, mission: Mission) -> None:
         super().__init__()
         self.ends: dict[str, Outcomes] = {}
-        """Of the trees that were entered from outside."""
+        """Outcomes of the trees that were entered from outside."""
         self._trees = mission.trees
         self._layouts = lay_out(mission.trees, bottom_up(mission.trees))
         self._frames: dict[tuple[str, tuple[tuple[int, int], ...], int, int], WiredTree] = {}
         self._hands: dict[str, int] = {}
 
-    # What whoever analyses a mission calls.
+    # For the analysis of a mission.
 
-    def enter(self, tree: TreeSpec, hand: int = EMPTY) -> None:
-        """Walk through a tree that starts with its inputs written; how it ends is then in `ends`."""
+    def enter(self, tree: TreeSpec, hand: int = HAND_EMPTY) -> None:
+        """Walk through a tree that starts with its inputs written; its outcomes are then in `ends`."""
         self._hands[tree.name] = hand
         self._enter(tree.name)
         while self._outdated:
@@ -137,11 +137,11 @@ class FlowAnalysis(FlowWalk):
                 self._enter(name)
 
     def layout_of(self, tree: str) -> KeyBits:
-        """Which bits of a state stand for what in that tree."""
+        """Return the layout of a state's bits in that tree."""
         return self._layouts[tree]
 
     def frames_of(self, tree: str) -> tuple[WiredTree, ...]:
-        """The ways in which the tree is wired, with all that was found of its nodes."""
+        """Return the wirings of the tree, with the findings about its nodes."""
         return tuple(frame for (name, *_), frame in self._frames.items() if name == tree)
 
     # Private.
@@ -214,8 +214,8 @@ class FlowAnalysis(FlowWalk):
                 sure, maybe, constant = sure | bit, maybe | bit, constant | bit
         twice = tuple(pair for pair in wired.items() if list(wired.values()).count(pair[1]) > 1)
         # Who took what is held is the same to a sub-tree: else each use of it would be another.
-        held = state.hand & ~(EMPTY | KEPT | SHARED)
-        hand = state.hand & ~held | (OUTER if held else 0)
+        held = state.hand & ~(HAND_EMPTY | HAND_SECURED | HAND_SHARED)
+        hand = state.hand & ~held | (HELD_OUTSIDE if held else 0)
         inside = FlowState(sure, maybe, hand, state.doubtful)
         flow = self._in_frame(layout.tree, twice, owned, rooted, inside)
         for port in layout.tree.ports:
@@ -232,7 +232,7 @@ class FlowAnalysis(FlowWalk):
             for bit, outer in ways:
                 sure |= outer if inner.sure & bit else 0
                 maybe |= outer if inner.maybe & bit else 0
-            after = inner.hand & ~OUTER | held if inner.hand & OUTER else inner.hand
+            after = inner.hand & ~HELD_OUTSIDE | held if inner.hand & HELD_OUTSIDE else inner.hand
             return FlowState(state.sure | sure, state.maybe | maybe, after, inner.doubtful)
 
         return flow.mapped(outside, lambda reasons: reasons.through(spec))
@@ -262,9 +262,9 @@ class FlowAnalysis(FlowWalk):
         for name in PRECONDITIONS:
             if name not in spec.preconditions:
                 continue
-            asked = self.ask(spec, name, spec.preconditions[name], states)
-            ends.fail(asked.failed)
-            settled, states = (asked.no, asked.yes) if name == "_while" else (asked.yes, asked.no)
+            answers = self.ask(spec, name, spec.preconditions[name], states)
+            ends.fail(answers.failed)
+            settled, states = (answers.no, answers.yes) if name == "_while" else (answers.yes, answers.no)
             ends.add(
                 {"_failureIf": control_flow.FAILURE, "_successIf": control_flow.SUCCESS}.get(
                     name, control_flow.SKIPPED
@@ -284,9 +284,9 @@ class FlowAnalysis(FlowWalk):
                 # Where it no longer holds, the node is halted first.
                 halted = self._assigned_keys(spec, "_onHalted")
                 running = frozenset(state.perhaps(halted) for state in flow.running)
-                asked = self.ask(spec, "_while", spec.preconditions["_while"], running)
-                ends.fail(asked.failed)
-                ends.add(control_flow.SKIPPED, asked.no)
+                answers = self.ask(spec, "_while", spec.preconditions["_while"], running)
+                ends.fail(answers.failed)
+                ends.add(control_flow.SKIPPED, answers.no)
         return self._concluded(spec, ends.tidied()) if spec.postconditions else ends.tidied()
 
     def _concluded(self, spec: NodeSpec, flow: Outcomes) -> Outcomes:
@@ -313,14 +313,14 @@ class FlowAnalysis(FlowWalk):
         return spec.node.declaration.scripts if spec.node is not None else ()
 
     def _assigned(self, spec: NodeSpec, places: tuple[str, ...], states: States, ends: Outcomes) -> States:
-        """Return the states after all could be carried out; the others are failures of `ends`."""
+        """Return the states after all assignments; states without a value are failures of `ends`."""
         written = self._assigned_keys(spec, *places)
         for place in places if states else ():
             for assignment in spec.postconditions.get(place, ()):
                 bits = self.bits(assignment.key)
-                asked = self.ask(spec, place, assignment.value, states)
-                states = asked.yes | asked.no
-                ends.fail({state.perhaps(written): reasons for state, reasons in asked.failed.items()})
+                answers = self.ask(spec, place, assignment.value, states)
+                states = answers.yes | answers.no
+                ends.fail({state.perhaps(written): reasons for state, reasons in answers.failed.items()})
                 for state in states if not assignment.new else ():
                     _, *missing = self.read(spec, place, assignment.key, bits, state)
                     ends.add(control_flow.FAILURE, (state.perhaps(written),), self.fails(spec, *missing))
@@ -332,7 +332,7 @@ class FlowAnalysis(FlowWalk):
 
 
 class LintModel:
-    """One mission, walked through once; a rule asks it and yields faults."""
+    """Analysed mission; a rule queries it and yields faults."""
 
     def __init__(self, mission: Mission, known: SceneNames | None) -> None:
         self.mission = mission
@@ -345,33 +345,33 @@ class LintModel:
         # The remaining trees are judged by themselves, callers first: from those the others are entered.
         for name in reversed(bottom_up(mission.trees)):
             if name not in self.walk.entered and self.own(mission.trees[name].mark):
-                self.walk.enter(mission.trees[name], EMPTY | KEPT)
+                self.walk.enter(mission.trees[name], HAND_EMPTY | HAND_SECURED)
         self._places = {
             id(p.spec): p for tree in mission.trees.values() for p in data_flow.placed_nodes(tree)
         }
         self.usage = {name: self.walk.layout_of(name).usage for name in mission.trees}
 
     def own(self, mark: Mark) -> bool:
-        """Whether it stands in the mission's own file; others are judged when they are checked."""
+        """Whether the node is in the mission's own file; other files are checked by themselves."""
         return mark.file == self.file
 
     @cached_property
     def used(self) -> frozenset[str]:
-        """The trees that `Main` comes to; of a library all."""
+        """Trees that `Main` uses; for a library all trees."""
         return frozenset(self.mission.trees) if self.mission.library else reachable(self.mission.trees)
 
     def trees(self) -> Iterator[TreeSpec]:
-        """Those of the mission's own file, in its order."""
+        """Trees of the mission's own file, in its order."""
         return (tree for tree in self.mission.trees.values() if self.own(tree.mark))
 
     def places(self) -> Iterator[data_flow.PlacedNode]:
-        """The nodes of the mission's own file, parents first."""
+        """Nodes of the mission's own file, parents first."""
         for tree in self.trees():
             for spec in tree.root.iterate():
                 yield self._places[id(spec)]
 
     def nodes(self, *kinds: type[Node]) -> Iterator[NodeSpec]:
-        """Those of these classes, or all but sub-trees."""
+        """Yield the nodes of these classes, or all except sub-trees."""
         for place in self.places():
             if place.spec.node is not None and issubclass(place.spec.node, kinds or Node):
                 yield place.spec
@@ -379,16 +379,16 @@ class LintModel:
     def fault(
         self, spec: NodeSpec, message: str, hint: str = "", *, code: str, at: str = "", error: bool = False
     ) -> Diagnostic:
-        """A finding at a node, or at the value under its key `at`."""
+        """Return a finding at a node, or at the value under its key `at`."""
         path = self._places[id(spec)].path
         return Diagnostic(spec.mark_at(at), path, message, hint, code, "error" if error else "warning")
 
     def around(self, spec: NodeSpec) -> tuple[NodeSpec, ...]:
-        """The nodes above it in its tree, the outermost first."""
+        """Return the nodes above it in its tree, the outermost first."""
         return self._places[id(spec)].above
 
     def short_name(self, spec: NodeSpec) -> str:
-        """The shortest end of its path that no other node of the mission's own file has."""
+        """Return the shortest end of its path that no other node of the mission's own file has."""
         return self._short_names[self._places[id(spec)].path]
 
     @cached_property
@@ -399,19 +399,19 @@ class LintModel:
 
     @property
     def main(self) -> Outcomes | None:
-        """How the mission ends; None for a library."""
+        """Outcomes of the mission; None for a library."""
         return None if self.mission.library else self.walk.ends.get(MAIN)
 
     def reached(self, spec: NodeSpec) -> bool:
-        """Whether the node is ticked in any way that the mission may go."""
+        """Whether the node is ticked on any path of the mission."""
         return id(spec) in self.walk.reached
 
     def started(self, spec: NodeSpec) -> bool:
-        """Whether it is, and its preconditions let it start."""
+        """Whether the node is ticked on any path, and its preconditions let it start."""
         return id(spec) in self.walk.started
 
     def ends(self, spec: NodeSpec) -> Outcomes:
-        """How the node ends, over all states that it was reached in."""
+        """Return the outcomes of the node over all states in which it was reached."""
         known = self._ends.get(id(spec))
         if known is None:
             known = self._ends[id(spec)] = Outcomes()
@@ -420,7 +420,7 @@ class LintModel:
         return known
 
     def entries(self, spec: NodeSpec) -> tuple[FlowState, ...]:
-        """The states that the node was reached in."""
+        """Return the states in which the node was reached."""
         return tuple(
             state
             for name in self.mission.trees

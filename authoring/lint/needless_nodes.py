@@ -11,7 +11,7 @@ from .mission_survey import LintModel
 
 
 def unreachable(survey: LintModel) -> Iterator[Diagnostic]:
-    """P320: a node that is never ticked, or that its preconditions never let start."""
+    """P320: a node that is never ticked, or whose preconditions never let it start."""
     for place in survey.places():
         spec = place.spec
         if place.tree.name not in survey.walk.entered or survey.started(spec):
@@ -33,7 +33,7 @@ def unreachable(survey: LintModel) -> Iterator[Diagnostic]:
 
 
 def _is_handler(place: data_flow.PlacedNode) -> bool:
-    """Whether the place is a handler by cause after which its node may run again: other rules judge those."""
+    """Whether the place is a handler by cause with a possible further run: other rules check those."""
     parent = place.above[-1]
     for slot in parent.node.declaration.slots if parent.node is not None else ():
         if slot.of == "cause" and any(part is place.spec for _, part in parent.slots.get(slot.key, ())):
@@ -43,7 +43,8 @@ def _is_handler(place: data_flow.PlacedNode) -> bool:
 
 
 def _following(place: data_flow.PlacedNode, survey: LintModel) -> list[str] | None:
-    """The names of what is not reached either, behind it in the same list; None: it is itself such a one."""
+    """Return the names of the further unreached nodes behind it in the same list; None: it follows such a
+    node."""
     parent = place.above[-1]
     slots = parent.node.declaration.slots if parent.node is not None else ()
     for slot in slots:
@@ -58,7 +59,7 @@ def _following(place: data_flow.PlacedNode, survey: LintModel) -> list[str] | No
 
 
 def without_effect(survey: LintModel) -> Iterator[Diagnostic]:
-    """P324: a decorator that changes nothing about its child."""
+    """P324: a decorator without an effect on its child."""
     for spec in survey.nodes(Decorator):
         if not survey.started(spec):
             continue
@@ -88,7 +89,7 @@ def without_effect(survey: LintModel) -> Iterator[Diagnostic]:
 
 
 def needless_defaults(survey: LintModel) -> Iterator[Diagnostic]:
-    """P326: a default although all values that can come have a case."""
+    """P326: a default although all possible values have a case."""
     for place in survey.places():
         spec = place.spec
         if spec.node is None or not issubclass(spec.node, Switch) or "default" not in spec.slots:
@@ -101,7 +102,7 @@ def needless_defaults(survey: LintModel) -> Iterator[Diagnostic]:
 
 
 def _values(place: data_flow.PlacedNode) -> tuple[str, ...]:
-    """All values that the variable of a Switch may have, as its cases would write them; empty: not known."""
+    """Return all possible values of a Switch's variable, in the form of its cases; empty: unknown."""
     bound = place.spec.ports.get("variable")
     if not isinstance(bound, references.Reference):
         return ()

@@ -15,12 +15,12 @@ if TYPE_CHECKING:
     from picktree.trees import NodeSpec
 
 UNREPORTED = 1
-"""The bit of a failure without a report: a condition that does not hold."""
+"""Bit of a failure without a report: a condition that does not hold."""
 ALL = -1
 
 
 class CauseBits:
-    """One bit for each cause that is registered when this is made; bit 0 is `UNREPORTED`."""
+    """Bits of the causes that are registered at the creation of this object; bit 0 is `UNREPORTED`."""
 
     def __init__(self) -> None:
         self._causes = all_causes()
@@ -28,35 +28,35 @@ class CauseBits:
         self._matching: dict[str, int] = {}
 
     def of(self, declared: Iterable[Cause | Family]) -> int:
-        """Those that a node declares."""
+        """Return the bits of the causes that a node declares."""
         mask = 0
         for one in declared:
             mask |= self.matching(str(one))
         return mask
 
     def matching(self, pattern: str) -> int:
-        """Those that a pattern of `when:` covers."""
+        """Return the bits of the causes that a pattern of `when:` covers."""
         if pattern not in self._matching:
             bits = (self._bits[cause.name] for cause in self._causes if matches(pattern, cause))
             self._matching[pattern] = sum(bits)
         return self._matching[pattern]
 
     def names(self, mask: int) -> tuple[str, ...]:
-        """The names of a set, in the order of their registration."""
+        """Return the names of a set, in the order of their registration."""
         return tuple(name for name, bit in self._bits.items() if mask & bit)
 
     def words(self, mask: int) -> str:
-        """The set as a mission would write it: whole families as `family.*`."""
+        """Return the set in the syntax of a mission: whole families as `family.*`."""
         families: dict[str, list[str]] = {}
         for name in self._bits:
             families.setdefault(name.rpartition(".")[0], []).append(name)
         parts: list[str] = []
         for family, names in families.items():
-            given = [name for name in names if mask & self._bits[name]]
-            if len(given) == len(names) > 1:
+            contained = [name for name in names if mask & self._bits[name]]
+            if len(contained) == len(names) > 1:
                 parts.append(f"{family}.*")
             else:
-                parts += given
+                parts += contained
         return ", ".join(parts)
 
 
@@ -64,9 +64,9 @@ class CauseBits:
 class FailureReasons:
     """Causes that a failure may have. `quiet` ones are possible although no node declares them.
 
-    Where they come from is kept as a graph, read only for what is reported: `origin` raised them itself;
-    else they are those of `inner` as far as `keep` lets them through, `met` by a node that tried a cure, on
-    their way out of the sub-tree that `call` runs.
+    Their origins are a graph that only reports read. `origin`: the node that raised them itself. Otherwise
+    they are the causes of `inner` in the mask `keep`. `met`: a node has tried a cure against them. `call`:
+    the node that runs the sub-tree which they leave.
     """
 
     loud: int
@@ -87,15 +87,15 @@ class FailureReasons:
         return FailureReasons(self.loud & mask, self.quiet & mask, inner=(self,), keep=mask)
 
     def tried(self) -> FailureReasons:
-        """The same after a node has tried something against them."""
+        """Return the same reasons after a node has tried a cure against them."""
         return FailureReasons(self.loud, self.quiet, inner=(self,), met=True)
 
     def through(self, call: NodeSpec) -> FailureReasons:
-        """The same, seen from where the sub-tree is used."""
+        """Return the same reasons outside of the sub-tree, at its call."""
         return FailureReasons(self.loud, self.quiet, inner=(self,), call=call)
 
     def sources(self, own: str) -> Iterator[CauseOrigin]:
-        """The nodes that raise these; for one in another file than `own`, where that file uses it."""
+        """Yield the nodes that raise the causes; for a node in another file than `own`, its use in `own`."""
         seen: set[tuple[int, int, bool, int]] = set()
         todo: list[tuple[FailureReasons, int, bool, NodeSpec | None]] = [(self, ALL, False, None)]
         while todo:
@@ -116,7 +116,7 @@ class FailureReasons:
 
 @dataclass(frozen=True, slots=True)
 class CauseOrigin:
-    """A node that raises causes; `at` is where the mission's own file names it or what leads to it."""
+    """Node that raises causes; `at` is its place, or its use, in the mission's own file."""
 
     node: NodeSpec
     at: NodeSpec
@@ -125,7 +125,7 @@ class CauseOrigin:
 
 
 NO_REPORT = FailureReasons(UNREPORTED, 0)
-"""A condition does not hold."""
+"""Reasons of a condition that does not hold."""
 
 
 def joined(parts: Iterable[FailureReasons]) -> FailureReasons:
@@ -139,27 +139,27 @@ def joined(parts: Iterable[FailureReasons]) -> FailureReasons:
     return FailureReasons(loud, quiet & ~loud, inner=distinct)
 
 
-EMPTY = 1
+HAND_EMPTY = 1
 """Bit of `FlowState.hand`: nothing is held."""
-KEPT = 2
-"""Bit of `FlowState.hand`: a retreat saw to the held object, or it was held before the analysis began."""
-OUTER = 4
-"""Bit of `FlowState.hand`, in a sub-tree: an object taken by any node of its users is held still."""
-SHARED = 8
+HAND_SECURED = 2
+"""Bit of `FlowState.hand`: a retreat secured the held object, or it was held before the analysis began."""
+HELD_OUTSIDE = 4
+"""Bit of `FlowState.hand`, in a sub-tree: an object taken by any node of its users is still held."""
+HAND_SHARED = 8
 """Bit of `FlowState.hand`: a concurrent node may change the held object, so that no change is final."""
 FIRST_FILLER = 16
-"""First bit of `FlowState.hand` for single nodes: the object that the node took is held still."""
-LIMIT = 6
-"""States that are told apart at one point; more are merged."""
-BETWEEN = 4
-"""The same between two ticks, where less depends on it."""
+"""First bit of `FlowState.hand` for single nodes: the object that the node took is still held."""
+MAX_STATES = 6
+"""Maximum number of distinct states at one point; more are merged."""
+MAX_STATES_BETWEEN_TICKS = 4
+"""Maximum number of distinct states between two ticks, where less depends on it."""
 
 
 class FlowState(NamedTuple):
-    """Keys and flags are bits of `sure` and `maybe`; what is in neither was written on no way here.
+    """State of a mission at one point. Bits in neither `sure` nor `maybe`: keys and flags that no path wrote.
 
-    `hand` is a set of possibilities, as bits. `doubtful`: the point is reached only if some node ends in a
-    way that it does not declare; nothing is reported of such a state, but it counts as reached.
+    `hand` is a set of possibilities, as bits. `doubtful`: only an undeclared outcome of some node leads to
+    this point. Such a state causes no finding, but it counts as reached.
     """
 
     sure: int
@@ -168,12 +168,12 @@ class FlowState(NamedTuple):
     doubtful: bool = False
 
     def written(self, bits: int) -> FlowState:
-        """After these keys were written."""
+        """Return the state after writes of these keys."""
         done = self.sure & bits == bits
         return self if done else FlowState(self.sure | bits, self.maybe | bits, self.hand, self.doubtful)
 
     def perhaps(self, bits: int) -> FlowState:
-        """After these keys were written, or not."""
+        """Return the state after possible writes of these keys."""
         done = self.maybe & bits == bits
         return self if done else FlowState(self.sure, self.maybe | bits, self.hand, self.doubtful)
 
@@ -181,8 +181,8 @@ class FlowState(NamedTuple):
         return self if hand == self.hand else FlowState(self.sure, self.maybe, hand, self.doubtful)
 
     def alone(self) -> FlowState:
-        """After what went on beside has ended."""
-        return self.holding(self.hand & ~SHARED)
+        """Return the state after the end of all concurrent nodes."""
+        return self.holding(self.hand & ~HAND_SHARED)
 
     def in_doubt(self) -> FlowState:
         return self if self.doubtful else FlowState(self.sure, self.maybe, self.hand, True)
@@ -196,20 +196,20 @@ class ConcurrentEffect(NamedTuple):
 
     def on(self, state: FlowState) -> FlowState:
         """Return the state with everything that the effect may add."""
-        hand = state.hand | self.hand | (SHARED if self.hand else 0)
+        hand = state.hand | self.hand | (HAND_SHARED if self.hand else 0)
         return FlowState(state.sure, state.maybe | self.maybe, hand, state.doubtful)
 
     def with_(self, other: ConcurrentEffect) -> ConcurrentEffect:
         return ConcurrentEffect(self.maybe | other.maybe, self.hand | other.hand)
 
 
-NOTHING = ConcurrentEffect()
+NO_CONCURRENT_EFFECT = ConcurrentEffect()
 States: TypeAlias = frozenset[FlowState]
-NONE: States = frozenset()
+NO_STATES: States = frozenset()
 
 
 def merged(states: Iterable[FlowState]) -> FlowState:
-    """One state that covers them all. There must be one at least."""
+    """Return one state that covers all of the states, of which there is at least one."""
     sure, maybe, hand, doubtful = -1, 0, 0, True
     for state in states:
         sure &= state.sure
@@ -219,8 +219,8 @@ def merged(states: Iterable[FlowState]) -> FlowState:
     return FlowState(sure, maybe, hand, doubtful)
 
 
-def tidy(states: Iterable[FlowState], limit: int = LIMIT) -> States:
-    """The same with what others cover left out, and merged where there are too many: by the hand first."""
+def tidy(states: Iterable[FlowState], limit: int = MAX_STATES) -> States:
+    """Return the states without covered ones; too many are merged, first those with the same hand."""
     found = states if isinstance(states, frozenset) else frozenset(states)
     if 1 < len(found) <= 3 * limit:  # to compare more, each with each, would cost too much
         found = uncovered(found)
@@ -238,12 +238,12 @@ def _alike(states: Iterable[FlowState], *, with_hand: bool) -> Iterable[list[Flo
 
 
 def uncovered(states: States) -> States:
-    """Those that no other covers."""
+    """Return the states that no other state covers."""
     left: list[FlowState] = []
     for state in states:
         sure, maybe, hand, doubtful = state
         for other in states:
-            # As `covers`, of another one; this is asked more often than anything else.
+            # As `covers` of another state; this is the most frequent test.
             if (
                 not other[0] & ~sure
                 and not maybe & ~other[1]
@@ -258,21 +258,21 @@ def uncovered(states: States) -> States:
 
 
 Failures: TypeAlias = Mapping[FlowState, FailureReasons]
-"""States in which a node may have failed, and for which reasons."""
+"""States after a failure of a node, with the reasons."""
 
 
 class Outcomes:
-    """Ends of a node that started in one state. `running`: where it may be between two ticks.
+    """Ends of a node that started in one state. `running`: possible states between two ticks.
 
     They are collected, and no longer changed once they are `tidied`.
     """
 
     __slots__ = ("failure", "missing", "running", "skipped", "success")
 
-    def __init__(self, failure: Failures | None = None, skipped: States = NONE) -> None:
-        self.success: States = NONE
+    def __init__(self, failure: Failures | None = None, skipped: States = NO_STATES) -> None:
+        self.success: States = NO_STATES
         self.skipped = skipped
-        self.running: States = NONE
+        self.running: States = NO_STATES
         self.failure: dict[FlowState, FailureReasons] = dict(failure or {})
         self.missing = 0
         """Inputs of the sub-tree that were read although nothing had surely written them, as bits of keys."""
@@ -289,7 +289,7 @@ class Outcomes:
             yield control_flow.FAILURE, state, reasons
 
     def groups(self) -> Iterator[tuple[NodeStatus, States, FailureReasons | None]]:
-        """The states of each end but RUNNING, those of failures one by one."""
+        """Return the states of each outcome except RUNNING, those of failures one by one."""
         if self.skipped:
             yield control_flow.SKIPPED, self.skipped, None
         if self.success:
@@ -300,7 +300,7 @@ class Outcomes:
     def add(
         self, status: NodeStatus, states: Iterable[FlowState], reasons: FailureReasons | None = None
     ) -> None:
-        """Add ends. A failure without reasons is none; with quiet reasons only it is doubtful."""
+        """Add outcomes. A failure without reasons is ignored; with quiet reasons only it is doubtful."""
         match status:
             case NodeStatus.SUCCESS:
                 self.success = self.success.union(states)
@@ -320,16 +320,19 @@ class Outcomes:
             self.failure[at] = reasons if known is None else joined((known, reasons))
 
     def take(self, other: Outcomes) -> None:
-        """Add all ends of a child."""
+        """Add all outcomes of a child."""
         self.success, self.skipped = self.success | other.success, self.skipped | other.skipped
         self.running |= other.running
         if other.failure:
             self.fail(other.failure)
 
     def tidied(self) -> Outcomes:
-        """Leave out states that others cover, and merge those that are too many; return self."""
+        """Leave out covered states, and merge too many states; return self."""
         self.success, self.skipped = tidy(self.success), tidy(self.skipped)
-        self.running, self.failure = tidy(self.running, BETWEEN), _tidy_failures(self.failure)
+        self.running, self.failure = (
+            tidy(self.running, MAX_STATES_BETWEEN_TICKS),
+            _tidy_failures(self.failure),
+        )
         return self
 
     def mapped(
@@ -345,12 +348,12 @@ class Outcomes:
 
     @property
     def fails_surely(self) -> bool:
-        """Whether it fails in a way that some node declares."""
+        """Whether it may fail with a declared cause."""
         return any(not state.doubtful and why.loud for state, why in self.failure.items())
 
     @property
     def everywhere(self) -> States:
-        """Every state that it may leave behind, halted or ended."""
+        """Return every possible state after its end or halt."""
         return self.success | self.skipped | self.running | self.failure.keys()
 
     def effect(self, entry: FlowState) -> ConcurrentEffect:
@@ -359,21 +362,21 @@ class Outcomes:
         for state in self.everywhere:
             maybe |= state.maybe
             hand |= state.hand
-        return ConcurrentEffect(maybe & ~entry.maybe, hand & ~entry.hand & ~SHARED)
+        return ConcurrentEffect(maybe & ~entry.maybe, hand & ~entry.hand & ~HAND_SHARED)
 
 
 def _tidy_failures(failures: dict[FlowState, FailureReasons]) -> dict[FlowState, FailureReasons]:
-    """Merged where there are too many states, as `tidy` does."""
+    """Return the failures with too many states merged, as by `tidy`."""
     for with_hand in (True, False):
-        if len(failures) > LIMIT:
+        if len(failures) > MAX_STATES:
             groups = _alike(failures, with_hand=with_hand)
             failures = {merged(group): joined(failures[state] for state in group) for group in groups}
     return failures
 
 
 def decisive(before: FailureReasons, now: FailureReasons) -> FailureReasons:
-    """The reasons of the last child that gives any. What follows a reported failure is an attempt to cure it,
-    and what comes out of that attempt was not left without one."""
+    """Return the reasons of the last child that has any. A child after a reported failure is an attempt to
+    cure it, so its own failures count as tried."""
     cured = before.loud != 0 and before.loud & UNREPORTED == 0
     reported = now.only(~UNREPORTED)
     parts = [reported.tried() if cured else reported] if reported.any else []
@@ -383,7 +386,7 @@ def decisive(before: FailureReasons, now: FailureReasons) -> FailureReasons:
 
 
 def narrowed(failures: Failures, mask: int) -> Failures:
-    """The failures as far as their causes are in the mask."""
+    """Return the failures with a cause in the mask, reduced to these causes."""
     return {s: reasons.only(mask) for s, reasons in failures.items() if reasons.any & mask}
 
 

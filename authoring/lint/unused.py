@@ -1,4 +1,4 @@
-"""Keys read before they are written or never; sub-trees, ports, files and breakpoints that nothing uses."""
+"""Keys read before they are written or never; unused sub-trees, ports, files and breakpoints."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .mission_survey import LintModel
 
 
 def read_before_written(survey: LintModel) -> Iterator[Diagnostic]:
-    """P301, P302: a key that nothing, or not everything on the way, has written."""
+    """P301, P302: a key that no node, or not every path, has written."""
     for read in survey.walk.reads.values():
         if not read.missing or not survey.own(read.spec.mark):
             continue
@@ -48,7 +48,7 @@ def _remedy(survey: LintModel, read: KeyRead, usage: KeyUsage, writers: list[dat
 
 
 def never_read(survey: LintModel) -> Iterator[Diagnostic]:
-    """P303: an output, or an assignment, that nothing reads."""
+    """P303: an output, or an assignment, that no node reads."""
     for tree in survey.trees():
         usage = survey.usage[tree.name]
         outputs = {port.key for port in tree.ports if port.direction == "out"}
@@ -65,7 +65,7 @@ def never_read(survey: LintModel) -> Iterator[Diagnostic]:
 
 
 def unused_trees(survey: LintModel) -> Iterator[Diagnostic]:
-    """P340: a sub-tree that the mission does not come to."""
+    """P340: a sub-tree that the mission does not use."""
     for tree in survey.trees():
         if tree.name in survey.used:
             continue
@@ -77,7 +77,7 @@ def unused_trees(survey: LintModel) -> Iterator[Diagnostic]:
 
 
 def unused_ports(survey: LintModel) -> Iterator[Diagnostic]:
-    """P341, P342: an input that nothing in the tree reads, an output that nothing writes."""
+    """P341, P342: an input that no node of the tree reads, an output that no node writes."""
     for tree in survey.trees():
         usage = survey.usage[tree.name]
         what = "the mission" if tree.name == MAIN else f"the tree {tree.name!r}"
@@ -96,7 +96,7 @@ def _port_fault(tree: TreeSpec, key: str, message: str, code: str) -> Diagnostic
 
 
 def unused_files(survey: LintModel) -> Iterator[Diagnostic]:
-    """P343: an included file of whose trees none is used."""
+    """P343: an included file without a used tree."""
     document, names = survey.mission.document, survey.mission.files
     entries = document.data.get("include")
     documents = dict(zip(names, survey.mission.included, strict=True))
@@ -115,7 +115,7 @@ def unused_files(survey: LintModel) -> Iterator[Diagnostic]:
 
 
 def _with_included(name: str, documents: dict[str, Document]) -> Iterator[Document]:
-    """The file of that name, and those that it includes in turn."""
+    """Yield the file of that name, and those that it includes in turn."""
     todo, seen = [name], set[str]()
     while todo:
         current = todo.pop()
@@ -130,7 +130,7 @@ def _with_included(name: str, documents: dict[str, Document]) -> Iterator[Docume
 
 
 def _normal(entry: str, folder: str) -> str:
-    """The name of an included file as the mission counts it; see `IncludeReader`."""
+    """Return the normal form of an included file's name; see `IncludeReader`."""
     if entry.startswith(IN_LIBRARY) and not entry.endswith((".yaml", ".yml")):
         return entry
     return posixpath.normpath(posixpath.join(folder, entry))
@@ -140,6 +140,6 @@ def breakpoints(survey: LintModel) -> Iterator[Diagnostic]:
     """P344: a breakpoint that was left in the file."""
     for place in survey.places():
         if place.spec.breakpoint is not None:
-            message = f"a breakpoint stands here, {place.spec.breakpoint} {place.spec.name}"
+            message = f"a breakpoint is set here, {place.spec.breakpoint} {place.spec.name}"
             hint = "only 'run --debug' stops at it"
             yield survey.fault(place.spec, message, hint, code="P344", at="breakpoint")

@@ -62,9 +62,9 @@ def _family(pattern: str, known: Iterable[str]) -> str:
 
 
 def _handler(markdown: str) -> Schema:
-    said: Schema = {"description": markdown.replace("`", ""), "markdownDescription": markdown}
+    docs: Schema = {"description": markdown.replace("`", ""), "markdownDescription": markdown}
     # First, so that the cause is explained and not the node that handles it.
-    return {"allOf": [said, ref("child")]} | said
+    return {"allOf": [docs, ref("child")]} | docs
 
 
 _TYPES = (*NAMES_IN_FILES, *(f"list of {name}" for name in NAMES_IN_FILES))
@@ -139,25 +139,25 @@ def _head(scenes: tuple[str, ...]) -> dict[str, Schema]:
         "name": {
             "type": ["string", "null"],
             "minLength": 1,
-            "description": "What the mission is called in results and reports; the file's name unless given.",
+            "description": "Name of the mission in results and reports; the file's name unless given.",
         },
         "scene": {
             "type": ["string", "null"],
             "minLength": 1,
-            "description": "Where it happens: a shipped scene, or a scene file beside this one.",
+            "description": "Scene of the mission: a shipped scene, or a scene file beside this one.",
             "examples": list(scenes),
         },
         "goal": {
             "type": ["string", "null"],
             "minLength": 1,
-            "description": "When a run counts as a success, beside the root's SUCCESS: an expression of the "
+            "description": "Condition for a successful run, besides the root's SUCCESS: an expression of the "
             "numbers of items total, sorted, misplaced, left and outstanding (those that a feed still owes). "
             "Every item at its destination and none outstanding unless given.",
             "examples": ["misplaced == 0 and left <= 1"],
         },
         "library": {
             "type": ["boolean", "null"],
-            "description": "Whether this file holds sub-trees for others to include, and no 'Main'.",
+            "description": "True for a file with sub-trees for others to include, and no 'Main'.",
         },
         "include": {
             "type": ["array", "null"],
@@ -175,7 +175,7 @@ def _head(scenes: tuple[str, ...]) -> dict[str, Schema]:
 
 
 def _trees() -> Schema:
-    said = "a tree's ID is a letter or '_', then letters, digits and '_'"
+    message = "a tree's ID is a letter or '_', then letters, digits and '_'"
     return {
         "type": "object",
         "description": "The trees by name. A run ticks 'Main'; the others are used as nodes by their names.",
@@ -183,7 +183,7 @@ def _trees() -> Schema:
             "title": "SubTree",
             "description": "A tree of your own, used as a node by its name.",
             "pattern": ID_PATTERN,
-            "patternErrorMessage": said,
+            "patternErrorMessage": message,
         },
         "properties": {
             MAIN: {
@@ -199,7 +199,7 @@ def _trees() -> Schema:
 def _tree(ids: NodeIds) -> Schema:
     ports: Schema = {
         "type": ["object", "null"],
-        "description": "What is handed to the tree, by name: type, default, unit, documentation.",
+        "description": "Ports of the tree by name: type, default, unit, documentation.",
         "propertyNames": {
             "pattern": r"^(?!(?:name|breakpoint)(?![\s\S]))[A-Za-z][A-Za-z0-9_]*(?![\s\S])",
             "patternErrorMessage": "a port's name is a letter, then letters, digits and '_'",
@@ -218,7 +218,7 @@ def _tree(ids: NodeIds) -> Schema:
 
 
 def _one_more_with_doc(keys: int) -> Schema:
-    """Return that there are so many keys, and one more where one is `doc`."""
+    """Return the rule for this number of keys, and one more with `doc`."""
     return {
         "if": {"type": "object", "required": ["doc"]},
         "then": {"minProperties": keys + 1, "maxProperties": keys + 1},
@@ -234,17 +234,20 @@ def _tree_port() -> Schema:
         "patternErrorMessage": f"a type is one of {', '.join(_TYPES)}",
         "description": "A port of this tree; a bare text is its type.",
         "properties": {
-            "type": {"enum": list(_TYPES), "description": "What it takes; 'object' is the id of an object."},
+            "type": {
+                "enum": list(_TYPES),
+                "description": "Type of the port; 'object' is the id of an object.",
+            },
             "default": {
-                "description": "What it is when the caller gives nothing; without it the port must be given."
+                "description": "Value when the caller gives none; without a default the port must be given."
             },
             "doc": {
                 "type": "string",
-                "description": "A line for people: what it is, and what 0 or -1 means.",
+                "description": "Description in one line: the meaning of the port, and of 0 or -1.",
             },
             "unit": {
                 "type": "string",
-                "description": 'Of a number: a value may then be written with a unit, as "30 mm".',
+                "description": 'Unit of a number: a value may then be written with a unit, as "30 mm".',
                 "examples": ["m", "rad", "s", "ms", "N"],
             },
             "choices": {"type": "array", "description": "The only values allowed."},

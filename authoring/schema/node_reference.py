@@ -49,7 +49,7 @@ _NAME_WORDS = {
 }
 _ASSIGNMENTS = "Assignments, as `tries := tries + 1`, several with `;`: made when the node "
 COMMON_DOCS: Mapping[str, str] = {
-    "name": "What the node is called in pictures, logs and paths; its ID unless given.",
+    "name": "Name of the node in pictures, logs and paths; its ID unless given.",
     "_failureIf": "An expression: when it holds as the node would start, it is FAILURE instead.",
     "_successIf": "An expression: when it holds as the node would start, it is SUCCESS instead.",
     "_skipIf": "An expression: when it holds as the node would start, it is SKIPPED, as if it were absent.",
@@ -58,7 +58,7 @@ COMMON_DOCS: Mapping[str, str] = {
     "_onFailure": _ASSIGNMENTS + "ends in FAILURE.",
     "_onSuccess": _ASSIGNMENTS + "ends in SUCCESS.",
     "_post": _ASSIGNMENTS + "ends, whatever the outcome.",
-    "breakpoint": "Where `picktree run --debug` stops: `before` the node starts, or `after` its end.",
+    "breakpoint": "Stop of `picktree run --debug`: `before` the node starts, or `after` its end.",
 }
 """Documentation of the keys that every node may have."""
 
@@ -79,7 +79,7 @@ def type_words(port: PortDeclaration) -> str:
 
 
 def default_words(port: PortDeclaration) -> str:
-    """Return the default as a file writes it; `none` when it means "not given", empty when there is none."""
+    """Return the default in a file's syntax; `none` when it means "not given", empty without a default."""
     match port.default:
         case Required():
             return ""
@@ -113,7 +113,7 @@ def hand_words(node: NodeDeclaration) -> str:
         case "empty":
             return "After success the hand is empty."
         case "kept":
-            return "What the hand holds after success is in a safe place."
+            return "An object in the hand after success is in a safe place."
         case "unchanged":
             return ""
 
@@ -137,7 +137,7 @@ class RequiredOneOf:
 
 
 def required_one_of(node: type[Node]) -> RequiredOneOf | None:
-    """Return the keys of which the node needs one, by its own check; None when there are none."""
+    """Return the keys of which the node needs one, by its own check; None without such a rule."""
     declaration = node.declaration
     every = (*declaration.ports, *declaration.slots)
     required = [part.key for part in every if part.required]
@@ -154,7 +154,7 @@ def required_one_of(node: type[Node]) -> RequiredOneOf | None:
 
 
 def _key_error(node: type[Node], keys: Collection[str]) -> str:
-    """Return the node's error when just these keys are given; empty when there is none."""
+    """Return the node's error when only these keys are given; empty without an error."""
     found = node.check_ports(PortValues(frozenset(keys)))
     return next((wrong for wrong in found if isinstance(wrong, str)), "")
 
@@ -171,7 +171,7 @@ TITLES: Final[Mapping[Kind, str]] = {
 
 @dataclass(frozen=True, slots=True)
 class PortEntry:
-    """One input or output."""
+    """Input or output."""
 
     key: str
     direction: str
@@ -181,7 +181,7 @@ class PortEntry:
     doc: str
     required: bool
     default: str
-    """Default as a file writes it; empty when there is none."""
+    """Default in a file's syntax; empty without a default."""
     unit: str
     choices: tuple[str, ...]
     names: str
@@ -213,7 +213,7 @@ class CauseEntry:
 
 @dataclass(frozen=True, slots=True)
 class NodeEntry:
-    """One node."""
+    """Node with its ports, slots and causes."""
 
     id: str
     kind: str
@@ -226,9 +226,9 @@ class NodeEntry:
     hand_after: str
     """Sentence about the hand after success, empty when the hand does not change."""
     limit: str
-    """Sentence about the simulated time limit; empty when there is none."""
+    """Sentence about the simulated time limit; empty without a limit."""
     rule: str
-    """Rule that relates several keys; empty when there is none."""
+    """Rule that relates several keys; empty without a rule."""
     example: str
 
     @property
@@ -380,8 +380,8 @@ def _slot_text(slot: SlotEntry) -> Iterator[str]:
 
 
 def _cause_lines(cause: CauseEntry, indent: int) -> Iterator[str]:
-    said = f"{cause.sentence} First remedy: {cause.remedy}." if cause.remedy else cause.sentence
-    yield " " * indent + f"{cause.name}: {said}"
+    sentence = f"{cause.sentence} First remedy: {cause.remedy}." if cause.remedy else cause.sentence
+    yield " " * indent + f"{cause.name}: {sentence}"
     for member in cause.members:
         yield from _cause_lines(member, indent + 2)
 
@@ -397,12 +397,12 @@ def _wrapped(text: str, indent: int = 0) -> str:
 _LANGUAGE = frozenset(node.declaration.id for node in NODES)
 _HEAD = (
     "# Nodes",
-    "What may stand in a mission: each node with its ports, its children, and the causes with which it "
+    "All nodes of a mission: each node with its ports, its children, and the causes with which it "
     "may fail. This page is written by `make docs` from the declarations in the code; `picktree nodes NAME` "
     "shows the same in a terminal, also of plug-ins' nodes and of a mission's sub-trees (`--mission FILE`).",
     "A node is a mapping with one key, its ID, and its ports below: `GoTo: {pose: home}`. One that needs no "
-    "port may stand as the bare ID: `GoTo`. Children stand as a list below the node, or at `do:` where it "
-    "has ports as well; a single child may stand below it by itself: `Inverter: {Condition: {if: holding}}`. "
+    "port may be written as the bare ID: `GoTo`. Children are a list below the node, or at `do:` where it "
+    "has ports as well; a single child needs no list: `Inverter: {Condition: {if: holding}}`. "
     'A value is a literal, or a reference to a key of the blackboard: `"{item}"`, or to an attribute of the '
     'object whose id is there: `"{item.colour}"`.',
 )
@@ -414,8 +414,8 @@ def markdown(nodes: Iterable[NodeEntry], causes: Iterable[Cause]) -> str:
     lines = ["\n\n".join(_HEAD), ""]
     for title, of_kind in _by_title(entries):
         lines += [f"**{title}**: " + ", ".join(f"[{n.id}](#{n.id.lower()})" for n in of_kind), ""]
-    lines += ["## Every node", "", "What may stand under any node, sub-trees included.", ""]
-    lines += ["| key | what it is |", "|---|---|"]
+    lines += ["## Every node", "", "Keys of every node, sub-trees included.", ""]
+    lines += ["| key | meaning |", "|---|---|"]
     lines += [f"| `{key}` | {_cell(doc)} |" for key, doc in COMMON_DOCS.items()]
     for title, of_kind in _by_title(entries):
         lines += ["", f"## {title}"]
@@ -448,12 +448,12 @@ def _node(node: NodeEntry) -> Iterator[str]:
     if node.causes:
         yield ""
         yield "Fails with " + listed([_linked(cause) for cause in node.causes]) + "."
-    said = [f"Uses {listed(list(node.uses))}."] if node.uses else []
-    said += [node.hand_after] if node.hand_after else []
-    said += [node.limit] if node.limit else []
-    if said:
+    sentences = [f"Uses {listed(list(node.uses))}."] if node.uses else []
+    sentences += [node.hand_after] if node.hand_after else []
+    sentences += [node.limit] if node.limit else []
+    if sentences:
         yield ""
-        yield " ".join(said)
+        yield " ".join(sentences)
     if node.example:
         yield ""
         yield "```yaml"
@@ -480,8 +480,8 @@ def _linked(cause: CauseEntry) -> str:
 
 def _causes(causes: Iterable[CauseEntry]) -> Iterator[str]:
     yield (
-        "Why a node fails. A cause may stand under `when:` of a [Recover](#recover); so may its family, as "
-        "`grasp.*`, and `*` for all but `internal.error`."
+        "Causes of failures. A cause may be a key under `when:` of a [Recover](#recover); so may its family, "
+        "as `grasp.*`, and `*` for all but `internal.error`."
     )
     family = ""
     for cause in causes:

@@ -163,9 +163,9 @@ def _number(port: PortDeclaration, *, or_reference: bool = False) -> Schema:
     return found | bounds(port.within)
 
 
-def _or_reference(kind: str, said: str) -> Schema:
+def _or_reference(kind: str, message: str) -> Schema:
     """Return the schema of a value other than a text; a text is then a reference."""
-    return reference() | {"type": ["string", kind], "patternErrorMessage": said}
+    return reference() | {"type": ["string", kind], "patternErrorMessage": message}
 
 
 def _choices(port: PortDeclaration, known: ProposedNames) -> Sequence[Plain] | None:
@@ -222,8 +222,8 @@ class NodeIds:
             pattern = f"^(?!(?:{'|'.join(map(escaped, self.needing))}){_END})[A-Za-z_]{_WORD}{_END}"
         else:
             pattern = ID_PATTERN
-        said = "no node of this name can stand without ports or children"
-        return {"pattern": pattern, "patternErrorMessage": said}
+        message = "no node of this name is valid without ports or children"
+        return {"pattern": pattern, "patternErrorMessage": message}
 
     def only_child(self, owner: str, keys: list[str]) -> Schema:
         """Return the rule for a mapping without `do`, in which a key other than the owner's `keys` is the
@@ -231,22 +231,24 @@ class NodeIds:
 
         An unknown key in lower case may be a sub-tree, unless another key names the child.
         """
-        said = f"{owner} has no such port, and there is no such node"
+        message = f"{owner} has no such port, and there is no such node"
         own = "|".join(map(escaped, keys))
         ids = (*self.nodes, *self.trees)
         if self.closed:
             known = "|".join(map(escaped, (*keys, *ids)))
-            return {"propertyNames": {"pattern": f"^(?:{known}){_END}", "patternErrorMessage": said}}
+            return {"propertyNames": {"pattern": f"^(?:{known}){_END}", "patternErrorMessage": message}}
         child = "|".join((f"[A-Z]{_WORD}", *(escaped(name) for name in ids if not "A" <= name[0] <= "Z")))
         not_own = f"(?!(?:{own}){_END})"
         return {
             "if": {"propertyNames": {"not": {"pattern": f"^{not_own}(?:{child}){_END}"}}},
             "then": {
                 "patternProperties": {
-                    f"^{not_own}": {"type": ["object", "array", "string", "null"], "errorMessage": said}
+                    f"^{not_own}": {"type": ["object", "array", "string", "null"], "errorMessage": message}
                 }
             },
-            "else": {"propertyNames": {"pattern": f"^(?:{own}|{child}){_END}", "patternErrorMessage": said}},
+            "else": {
+                "propertyNames": {"pattern": f"^(?:{own}|{child}){_END}", "patternErrorMessage": message}
+            },
         }
 
 
@@ -305,7 +307,7 @@ _AUTOREMAP_DOC = "true: keys and ports of the sub-tree that this call does not n
 
 
 def tree_schema(name: str, ports: tuple[PortDeclaration, ...], known: ProposedNames, doc: str = "") -> Schema:
-    """Return the schema of the body of a sub-tree's call; `doc`: what the tree says of itself."""
+    """Return the schema of the body of a sub-tree's call; `doc`: the tree's description."""
     ports = tuple(port for port in ports if not port.remapped)
     required = [p.key for p in ports if p.required]
     properties: dict[str, Schema] = {port.key: port_schema(port, known) for port in ports}
@@ -328,24 +330,24 @@ def needs_body(node: NodeDeclaration, needed: RequiredOneOf | None) -> bool:
 
 def slot_schema(slot: SlotDeclaration) -> Schema:
     """Return the schema of a slot: a node, a list of nodes, or a table of nodes."""
-    said: Schema = {"description": slot.doc}
+    docs: Schema = {"description": slot.doc}
     most: Schema = {"maxItems": slot.most} if slot.most is not None else {}
     match slot.arity:
         case "one":
-            return {"allOf": [ref("child")]} | said
+            return {"allOf": [ref("child")]} | docs
         case "many" if slot.least > 1:
-            return {"type": "array", "items": ref("node"), "minItems": slot.least} | most | said
+            return {"type": "array", "items": ref("node"), "minItems": slot.least} | most | docs
         case "many":
-            return {"allOf": [ref("child")]} | most | said
+            return {"allOf": [ref("child")]} | most | docs
         case "table" if slot.of == "cause":
-            return {"allOf": [ref("causes")]} | said
+            return {"allOf": [ref("causes")]} | docs
         case "table":
             return {
                 "type": "object",
                 "minProperties": 1,
                 "propertyNames": {"pattern": NAME_PATTERN},
                 "additionalProperties": ref("child"),
-            } | said
+            } | docs
 
 
 def node_markdown(node: NodeDeclaration) -> str:

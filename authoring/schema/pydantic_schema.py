@@ -118,8 +118,8 @@ def _key(raw: Schema, doc: str, *, required: bool) -> Schema:
         found |= {"allOf": parts}
     facts = [_bounds(raw), _unit(raw), "required" if required else _default(raw)]
     line = "; ".join(filter(None, facts))
-    said: Schema = {"description": doc, "markdownDescription": f"{doc}\n\n*{line}*" if line else doc}
-    return found | said
+    docs: Schema = {"description": doc, "markdownDescription": f"{doc}\n\n*{line}*" if line else doc}
+    return found | docs
 
 
 def _number(raw: Schema) -> Schema:

@@ -13,10 +13,10 @@ from picktree.files.yaml import Document, Value, YamlNode, read_document, resolv
 from .schema_parts import Schema, schema, schemas
 
 _PATCH = "Patch"
-"""Ending of definitions for files that change another: their keys are those of the whole."""
+"""Ending of definitions for files that change another file: their keys are those of the whole file."""
 _MAX_EXAMPLE_LENGTH = 70
 _PLAIN = re.compile(r"[\w./*(+-][\w ./*()%°<>=+-]*", re.ASCII)
-"""Text that stands without quotes also in a flow mapping."""
+"""Text that needs no quotes, even in a flow mapping."""
 _HEADER = ("picktree", "kind")
 
 
@@ -28,7 +28,7 @@ class KeySection:
     doc: str
     keys: dict[str, Schema]
     under: list[str] = field(default_factory=list[str])
-    """Keys under which such mappings stand."""
+    """Keys whose values are such mappings."""
 
 
 def file_reference(kind: str, root: Schema) -> FileReference:
@@ -77,8 +77,8 @@ class FileReference:
         yield f"picktree check examples/reference/{kind}.yaml"
         yield f"picktree schema {kind}           # for editors, which complete and underline by it"
         yield "```\n"
-        yield "Made by `make docs` from the declarations; do not edit. The examples stand in shipped files,"
-        yield "and in those of `examples/reference`; tests check them."
+        yield "Made by `make docs` from the declarations; do not edit. The examples are from shipped files,"
+        yield "and from those of `examples/reference`; tests check them."
         for section in self.sections.values():
             yield f"\n## {section.name or 'The file'}\n"
             if section.name:
@@ -199,7 +199,7 @@ def _flow(value: Value, depth: int) -> str:
 
 
 def _inner(part: Schema) -> Iterator[Schema]:
-    """Yield the schemas of what a value may contain, or be."""
+    """Yield the schemas of a value's possible contents and forms."""
     for key in ("anyOf", "allOf", "oneOf"):
         yield from schemas(part.get(key))
     items = part.get("items")
@@ -208,7 +208,7 @@ def _inner(part: Schema) -> Iterator[Schema]:
 
 
 def _holds(condition: Schema, node: YamlNode) -> bool:
-    """Return whether a mapping has the constants that a condition names, of which there is at least one."""
+    """Whether a mapping has the constants that a condition names, of which there is at least one."""
     wanted = {
         key: schema(part)["const"]
         for key, part in schema(condition.get("properties")).items()

@@ -36,12 +36,12 @@ def tidy(raw: Schema) -> Schema:
         found |= _tuple([tidy(part) for part in schemas(raw["prefixItems"])])
     if "unit" in raw:
         unit = str(raw["unit"])
-        said = (
+        message = (
             f'in {unit}, or with a unit, as "{quantities.example(unit)}"'
             if unit
             else f"as {quantities.example(unit)}"
         )
-        found |= {"pattern": quantity_pattern(unit), "patternErrorMessage": f"a number {said}"}
+        found |= {"pattern": quantity_pattern(unit), "patternErrorMessage": f"a number {message}"}
     return _with_null(found)
 
 
@@ -88,7 +88,7 @@ def _with_null(found: Schema) -> Schema:
 
 
 Schema: TypeAlias = dict[str, object]
-"""A JSON Schema, or a part of one."""
+"""JSON Schema, or a part of one."""
 
 DRAFT: Final = "http://json-schema.org/draft-07/schema#"
 _END = r"(?![\s\S])"
@@ -131,7 +131,7 @@ def header(kind: str) -> dict[str, Schema]:
     """Return the schema of the two keys at the top of every file."""
     return {
         "picktree": {"const": FORMAT, "description": "The version of the format of the file."},
-        "kind": {"const": kind, "description": f"What the file is: {', '.join(KINDS[:-1])} or {KINDS[-1]}."},
+        "kind": {"const": kind, "description": f"Kind of the file: {', '.join(KINDS[:-1])} or {KINDS[-1]}."},
     }
 
 
@@ -196,7 +196,7 @@ def escaped(text: str) -> str:
     return re.sub(r"[\\^$.*+?()\[\]{}|]", r"\\\g<0>", text)
 
 
-_GIVEN: Schema = {"not": {"type": "null"}}
+_PRESENT: Schema = {"not": {"type": "null"}}
 
 
 def exactly_one(keys: Sequence[str]) -> list[Schema]:
@@ -205,8 +205,8 @@ def exactly_one(keys: Sequence[str]) -> list[Schema]:
     too_much: Schema = {"type": "null", "errorMessage": f"only one of {named} may be given"}
     found = [one_needed(keys, f"one of {named} is missing")]
     for n, key in enumerate(keys[:-1]):
-        given: Schema = {"required": [key], "properties": {key: _GIVEN}}
-        found.append({"if": given, "then": {"properties": dict.fromkeys(keys[n + 1 :], too_much)}})
+        presence: Schema = {"required": [key], "properties": {key: _PRESENT}}
+        found.append({"if": presence, "then": {"properties": dict.fromkeys(keys[n + 1 :], too_much)}})
     return found
 
 
@@ -218,6 +218,6 @@ def one_needed(keys: Sequence[str], sentence: str) -> Schema:
 
 def belonging(keys: Sequence[str], owner: str, other: str) -> list[Schema]:
     """Return the rule that the keys belong to `owner` and are invalid next to `other`."""
-    given: Schema = {"required": [other], "properties": {other: _GIVEN}}
+    presence: Schema = {"required": [other], "properties": {other: _PRESENT}}
     wrong: Schema = {key: {"type": "null", "errorMessage": f"'{key}' belongs to '{owner}'"} for key in keys}
-    return [{"if": given, "then": {"properties": wrong}}]
+    return [{"if": presence, "then": {"properties": wrong}}]

@@ -78,7 +78,7 @@ class NodeDraft:
 
 
 def alone(child: MarkedValue) -> MarkedValue:
-    """Return a child that stands where one node can stand: its comments go above its ID."""
+    """Return a child for the place of a single node: its comments go above its ID."""
     if not child.comments or child.items is not None:
         return child
     if child.entries is None:
@@ -125,12 +125,12 @@ class ElementReader(ABC):
 
     @abstractmethod
     def is_read(self, key: str) -> bool:
-        """Whether anything reads a key of the present tree."""
+        """Whether any node reads a key of the present tree."""
         ...
 
     @abstractmethod
     def is_created(self, key: str) -> bool:
-        """Whether anything makes a key of the present tree."""
+        """Whether any node creates a key of the present tree."""
         ...
 
     def slot_value(self, child: Element, label: str, trail: str) -> MarkedValue:
@@ -153,7 +153,7 @@ class ElementReader(ABC):
         draft.put(key, self.value(element, attribute, kind, trail), element.place(attribute))
 
     def value(self, element: Element, attribute: str, kind: PortType, trail: str) -> MarkedValue:
-        """Return a literal or a reference as a mission has it."""
+        """Return a literal or a reference in the form of a mission."""
         text, mark = element.get(attribute), element.place(attribute)
         if is_pointer(text) and kind.name != "expression":
             bare = text.strip(" ")
@@ -165,7 +165,7 @@ class ElementReader(ABC):
             return MarkedValue(mark, text)
 
     def no_port(self, element: Element, key: str, identity: str, known: Iterable[str], trail: str) -> None:
-        """Report an attribute that is no port. BehaviorTree.CPP passes over those that begin with `_`."""
+        """Report an attribute that is no port. BehaviorTree.CPP ignores those that begin with `_`."""
         if key.startswith("_"):
             near = suggest_name(key, CONDITIONS)
             hint = near if near.startswith("did") else ""
@@ -193,13 +193,13 @@ class ElementReader(ABC):
         count = len(element.children) if given is None else given
         if not least <= count <= most:
             words = "no child" if most == 0 else str(most)
-            hint = "several stand in a Sequence" if 0 < most < count else ""
+            hint = "put several into a Sequence" if 0 < most < count else ""
             message = f"{identity} has {count} children; it takes {words}"
             self.fault(element.mark, trail, message, hint, code="P909")
 
     def common(self, element: Element, draft: NodeDraft, trail: str) -> None:
-        said = one_line(element.get(btcpp_vocabulary.DESCRIPTION))
-        draft.comments = (*element.comments, *((said,) if said else ()), *draft.comments)
+        description = one_line(element.get(btcpp_vocabulary.DESCRIPTION))
+        draft.comments = (*element.comments, *((description,) if description else ()), *draft.comments)
         draft.end_comments = (*draft.end_comments, *element.end_comments)
         name = self._name(element, trail)
         entries = draft.body.entries
@@ -221,7 +221,7 @@ class ElementReader(ABC):
         draft.body.entries += own
 
     def _name(self, element: Element, trail: str) -> str:
-        """Return the node's name, or one near it that a mission can have."""
+        """Return the node's name, or a similar one that is valid in a mission."""
         name = element.get(btcpp_vocabulary.OWN_NAME) or element.get("name")
         fit = node_name(name) if name else ""
         if len(name) > MAX_NAME_LENGTH or re.search(r"[/#\n\r]", name):
@@ -249,7 +249,7 @@ class ElementReader(ABC):
             return ""
 
     def statements(self, element: Element, attribute: str, trail: str) -> tuple[Statement, ...]:
-        """Return the assignments of a script; values that nothing gets are left out. Raises ScriptError."""
+        """Return the assignments of a script; unassigned values are left out. Raises ScriptError."""
         statements = read_parts(element.get(attribute), self.enums)
         for bare in (each for each in statements if not each.key):
             message = (
@@ -260,7 +260,7 @@ class ElementReader(ABC):
         return tuple(self._created(each, element, attribute, trail) for each in statements if each.key)
 
     def _created(self, statement: Statement, element: Element, attribute: str, trail: str) -> Statement:
-        """Return a statement that creates its key where only the program could have done so."""
+        """Return a statement that creates its key when otherwise only the program could have created it."""
         names = (
             part.name
             for part in expression_syntax.walk(statement.value)

@@ -114,7 +114,7 @@ SETS: Final = "_sets"
 NO_CASE: Final = "_no_case"
 """Attribute that marks the default of a Switch that has none."""
 DESCRIPTION: Final = "_description"
-"""Attribute in which Groot2 keeps what a tree or a node does."""
+"""Attribute in which Groot2 keeps the description of a tree or a node."""
 IGNORED: Final = (
     "_uid", "_fullpath", DESCRIPTION, "_favorite", "_hardcoded", "_collapsed", "_hidden", "_subtreeOnly",
 )  # fmt: skip

@@ -42,7 +42,7 @@ class Comments:
     def above(self, line: int) -> tuple[str, ...]:
         """Return the comments directly above a line, which counts from 1, or above the slot that holds it.
 
-        One that is indented further belongs to what ends there.
+        One that is indented further belongs to the element that ends there.
         """
         found: list[str] = []
         indent = _indent(self._lines[line - 1]) if 0 < line <= len(self._lines) else 0
@@ -69,7 +69,7 @@ class Comments:
 
 @dataclass(frozen=True, slots=True)
 class LooseComment:
-    """Comment behind the last part of something: its line, which counts from 1, its indent and its text."""
+    """Comment behind the last part of an element: its line, which counts from 1, its indent and its text."""
 
     line: int
     indent: int
@@ -139,9 +139,9 @@ _IN_VALUE = re.compile(rf"{_LONE_AMPERSAND.pattern}|<|\t|\r\n|\r|\n")
 _VALUE_ESCAPES = {"&": "&amp;", "<": "&lt;", "\t": "&#9;", "\r\n": "&#10;", "\r": "&#10;", "\n": "&#10;"}
 _ENDS = {"<!--": "-->", "<![CDATA[": "]]>", "<?": "?>"}
 _MESSAGES = {
-    "&": ("'&' stands alone; it is read as BehaviorTree.CPP reads it", "write &amp;"),
-    "<": ("'<' stands in a value; it is read as BehaviorTree.CPP reads it", "write &lt;"),
-    "--": ("'--' stands in a comment, which XML forbids", "write one '-', or '='"),
+    "&": ("'&' without an entity; it is read as BehaviorTree.CPP reads it", "write &amp;"),
+    "<": ("'<' in a value; it is read as BehaviorTree.CPP reads it", "write &lt;"),
+    "--": ("'--' in a comment, which XML forbids", "write one '-', or '='"),
 }
 
 
@@ -164,7 +164,7 @@ class RepairedXml:
     _starts: list[int] = field(default_factory=lambda: [0])
     """First byte of each unchanged part in the repaired text."""
     _origins: list[int] = field(default_factory=lambda: [0])
-    """The same in the original text."""
+    """First byte of each unchanged part in the original text."""
 
     def original(self, at: int) -> int:
         """Return the byte of the original text for one of the repaired text."""
@@ -212,7 +212,7 @@ def repair(text: str, *, strict: bool = False) -> RepairedXml:
 
 
 def _edits(text: str) -> Iterator[_Edit]:
-    """Yield the edits in the order of the text. All that is replaced is ASCII."""
+    """Yield the edits in the order of the text. All replaced characters are ASCII."""
     at = 0
     while match := _NEXT.search(text, at):
         at = match.start()
@@ -261,14 +261,14 @@ _BREAK = re.compile(r"\r\n|\r|\n")
 
 @dataclass(frozen=True, slots=True)
 class XmlFile:
-    """Root element of a file, and notes on what is not XML there, but as BehaviorTree.CPP reads it."""
+    """Root element of a file, and notes on content that is no XML, but that BehaviorTree.CPP accepts."""
 
     root: Element
     notes: tuple[Diagnostic, ...]
 
 
 def read_xml(text: str, file: str, *, strict: bool = False) -> XmlFile:
-    """Read a text. `strict`: only what is XML. Raises FileError."""
+    """Read a text. `strict`: only valid XML. Raises FileError."""
     return _XmlReader(text, file, strict=strict).read()
 
 
@@ -413,15 +413,15 @@ class _XmlReader:
             case "no element found":
                 message, hint = "the file is empty", 'it begins with <root BTCPP_format="4">'
             case "junk after document element":
-                message = "something stands after the end of the first element"
+                message = "there is content after the end of the first element"
             case "undefined entity":
                 message, hint = "this entity is not known", "&amp; &lt; &gt; &quot; &apos; are"
             case "reference to invalid character number":
                 message = "this is the number of no character"
             case "not well-formed (invalid token)" if self._in_comment(at):
-                message, hint = "'--' cannot stand in a comment", "write one '-', or '='"
+                message, hint = "'--' is not allowed in a comment", "write one '-', or '='"
             case "not well-formed (invalid token)":
-                message, hint = "this cannot stand here", "in values write &lt; for < and &amp; for &"
+                message, hint = "this is not allowed here", "in values write &lt; for < and &amp; for &"
             case other:
                 message = other or "it cannot be read"
         self._refuse(at, f"not valid XML: {message}", hint, code="P901")
@@ -442,7 +442,7 @@ _IN_ATTRIBUTES = {**_ESCAPES, '"': "&quot;", "\t": "&#9;", "\n": "&#10;", "\r": 
 
 
 def unfit(text: str) -> str:
-    """Return the first character that no XML file can hold; empty when there is none."""
+    """Return the first character that no XML file can hold; empty without one."""
     found = _UNFIT.search(text)
     return found[0] if found else ""
 

@@ -1,4 +1,4 @@
-"""Flow of blackboard keys through the trees of a source: who reads and writes them, and as what."""
+"""Flow of blackboard keys through the trees of a source: their readers, writers and types."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ _KEY_PORTS: Final = {"WasEntryUpdated": "entry", "SkipUnlessUpdated": "entry", "
 
 @dataclass(frozen=True, slots=True)
 class PortUse:
-    """Port of a node as far as the flow of keys needs it. `direction` None: nobody has declared it."""
+    """Port of a node for the flow of keys. `direction` None: undeclared."""
 
     direction: Direction | None
     type: PortType = PortType("any")  # noqa: RUF009 - it is frozen
 
 
 PortFinder: TypeAlias = Callable[[Element, str], PortUse | None]
-"""Returns the port that an element's attribute wires; None when it is none."""
+"""Function that returns the port of an element's attribute; None for an attribute that is no port."""
 
 
 @dataclass(frozen=True, slots=True)
 class UndecidedPort:
-    """A wire to a port without a declared direction."""
+    """Wire to a port without a declared direction."""
 
     tree: str
     key: str
@@ -54,10 +54,10 @@ class KeyGroup:
 
     written: bool = False
     created: bool = False
-    """Whether something else than an `=`, which needs the key, writes it."""
+    """Whether the key is written other than by `=`, which needs an existing key."""
     compared_with_text: bool = False
     listed: PortType | None = None
-    """Type of the list that a node wants there; None: none does."""
+    """Type of the list that a node expects there; None: no node expects a list."""
     read: Mark | None = None
 
 
@@ -87,7 +87,7 @@ class KeyFlow:
         self._groups: dict[tuple[str, str], KeyGroup] = {}
         self.undecided: list[UndecidedPort] = []
         self.watched: set[str] = set()
-        """Keys that nodes wait for, or ask whether they have changed: these need no value."""
+        """Keys whose existence or change nodes test: these need no value."""
         for name, element in self._in_order():
             self._element(name, element)
         more = True
@@ -138,8 +138,8 @@ class KeyFlow:
         for key, text in element.attributes.items():
             mark = element.place(key)
             if not ours and (_SCRIPTS.get(identity) == key or key in (*PRECONDITIONS, *POSTCONDITIONS)):
-                asked = key not in (*POSTCONDITIONS, "code") or identity == "ScriptCondition"
-                self._script(tree, text, mark, asked=asked)
+                is_value_used = key not in (*POSTCONDITIONS, "code") or identity == "ScriptCondition"
+                self._script(tree, text, mark, asked=is_value_used)
             elif identity == "SetBlackboard" and key == "output_key":
                 self._write(tree, text)
                 if is_pointer(element.get("value")):
@@ -175,7 +175,7 @@ class KeyFlow:
         return self._ports(element, port)
 
     def _script(self, tree: str, text: str, mark: Mark, *, asked: bool) -> None:
-        """Read a script. `asked`: whether somebody wants the value of what is assigned to nothing."""
+        """Read a script. `asked`: whether its unassigned value is used."""
         try:
             parts = read_parts(text, self._enums)
         except ScriptError:
@@ -208,7 +208,7 @@ class KeyFlow:
                 group.written = group.created = True
 
     def _through_calls(self, tree: str) -> bool:
-        """Carry reads and writes of sub-trees up to their callers; return whether anything is new."""
+        """Propagate reads and writes of sub-trees to their callers; return whether anything is new."""
         uses = self._uses[tree]
         before = len(uses.reads) + len(uses.writes)
         for call in uses.calls:
@@ -255,7 +255,7 @@ class KeyFlow:
             self._read(port.tree, port.key, self._trees[port.tree].mark)
 
     def _home(self, tree: str, key: str) -> tuple[str, str]:
-        """Return the tree in which the key is: `@key` is that of the first tree."""
+        """Return the tree of a key: `@key` belongs to the first tree."""
         if not key.startswith(references.ROOT_KEY):
             return tree, key
         return self._main if self._main in self._uses else tree, key.removeprefix(references.ROOT_KEY)
@@ -281,7 +281,7 @@ class KeyFlow:
 
 
 def _bare(text: str) -> str:
-    """Return the key of a reference; empty for a text that is none."""
+    """Return the key of a reference; empty for any other text."""
     try:
         reference = references.Reference.parse(text.strip(" "))
     except ValueError:

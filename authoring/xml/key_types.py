@@ -24,7 +24,7 @@ Loose = frozenset[tuple[str, str]]
 
 @dataclass(frozen=True, slots=True)
 class _KeyUse:
-    """A port that is wired to a key: the type that it gives the key, and its place."""
+    """Port that is wired to a key: the type that it gives the key, and its place."""
 
     type: str
     spec: NodeSpec
@@ -40,11 +40,11 @@ class KeyTypes:
 
     mission: Mission
     faults: list[Diagnostic] = field(default_factory=list[Diagnostic])
-    """A fault for each key that two of BehaviorTree.CPP's own nodes want as different types."""
+    """Yield a fault for each key that two of BehaviorTree.CPP's own nodes use with different types."""
     _loose: Loose = frozenset()
     _uses: dict[str, dict[str, list[_KeyUse]]] = field(default_factory=dict[str, dict[str, list[_KeyUse]]])
     _order: dict[str, list[tuple[str, _KeyUse]]] = field(default_factory=dict[str, list[tuple[str, _KeyUse]]])
-    """The same in the order in which BehaviorTree.CPP makes the nodes."""
+    """Return the uses in the order in which BehaviorTree.CPP creates the nodes."""
 
     def __post_init__(self) -> None:
         self._loose = frozenset(self._unreadable())
@@ -122,13 +122,13 @@ class KeyTypes:
         return _KeyUse(kind, spec, key, trail, declared)
 
     def _numbers(self, tree: TreeSpec) -> Iterator[tuple[str, str]]:
-        """Declared ports that read a text which looks like a number from a port of a sub-tree."""
+        """Yield declared ports that read a text which looks like a number from a port of a sub-tree."""
         texts = [(tree.name, port.key, port.default) for port in tree.ports if port.direction == "in"]
         for spec in tree.root.iterate():
             if spec.node is None:
-                given = spec.ports.items()
+                ports = spec.ports.items()
                 texts += [
-                    (spec.id, key, each.value) for key, each in given if isinstance(each, references.Constant)
+                    (spec.id, key, each.value) for key, each in ports if isinstance(each, references.Constant)
                 ]
         for name, key, value in texts:
             if isinstance(value, str) and _stored(value) != _TEXT:
@@ -154,7 +154,7 @@ class KeyTypes:
         self.faults.append(Diagnostic(use.spec.mark_at(use.port), use.trail, message, hint, "P925"))
 
     def _unreadable(self) -> Iterator[tuple[str, str]]:
-        """Declared ports with a literal that BehaviorTree.CPP could not convert to their type."""
+        """Yield declared ports with a literal that BehaviorTree.CPP could not convert to their type."""
         for tree in self.mission.trees.values():
             for spec in tree.root.iterate():
                 if spec.node is None or _is_own(spec):
@@ -170,7 +170,7 @@ class KeyTypes:
 
 
 def _is_own(spec: NodeSpec) -> bool:
-    """Whether BehaviorTree.CPP has the node itself."""
+    """Whether the node is one of BehaviorTree.CPP's own."""
     return (spec.id in SHARED_NODES or spec.id == "Switch") and _model_id(spec) == spec.id
 
 
@@ -202,6 +202,6 @@ def _converts(bound: references.Constant, port: PortDeclaration) -> bool:
 
 
 def fits(kind: str, value: object) -> bool:
-    """Whether a number is within the limits of a C++ type; what is no number is left to others."""
+    """Whether a number is within the limits of a C++ type; true for values that are no numbers."""
     low, high = _LIMITS.get(kind, (value, value))
     return not isinstance(value, int | float) or cast("float", low) <= value <= cast("float", high)

@@ -77,7 +77,7 @@ def value_text(value: object, kind: PortType) -> str:
 
 
 def read_value(text: str, kind: PortType) -> Value:
-    """Read a literal as a mission file has it; a value of the wrong type is left to the mission's checker.
+    """Convert a text to a literal of a mission file; the mission's checker finds wrong types.
 
     Raises ValueError for invalid JSON after `json:`.
     """
@@ -111,7 +111,8 @@ def is_pointer(text: str) -> bool:
 
 
 def _any_value(text: str) -> str | int | float | bool:
-    """Return the value of a text for a port of any type. A text that is not clearly another value is one."""
+    """Return the value of a text for a port of any type. A text that is not clearly another value stays a
+    text."""
     bare = _BEHIND.sub("", text)
     if _INTEGER.fullmatch(bare):
         return int(bare) if abs(int(bare)) <= _LARGEST_INTEGER else text

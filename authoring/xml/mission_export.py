@@ -1,4 +1,4 @@
-"""Places for the comments behind the last part of a list, a tree or the file."""
+"""Export of a mission as BehaviorTree.CPP XML, with its comments."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from .scripts import NotExpressible, assignments_script, constant_script, expres
 def with_loose_comments(
     trees: tuple[Element, ...], comments: Iterable[LooseComment]
 ) -> tuple[tuple[Element, ...], tuple[str, ...]]:
-    """Return the trees with the comments as far as they belong to one, and those below all trees.
+    """Return the trees with their comments, and the comments below all trees.
 
     A comment belongs to the innermost element before it that is indented less.
     """
@@ -52,7 +52,8 @@ def with_loose_comments(
 
 
 def _placed(element: Element, comment: LooseComment) -> Element | None:
-    """Return the element with the comment in it, or in one below it; None when it stands outside."""
+    """Return the element with the comment in it, or in one below it; None when it is outside of the
+    element."""
     before = [index for index, child in enumerate(element.children) if 0 < child.mark.line < comment.line]
     if not before:
         return None
@@ -76,13 +77,13 @@ TRUTH_LABELS: Final = {"true": "1", "false": "0"}
 
 
 class TruthSwitches:
-    """Finder of the Switches of a mission that a truth value decides."""
+    """Finder of the mission's Switches over truth values."""
 
     def __init__(self, mission: Mission) -> None:
         self._mission = mission
 
     def decides(self, spec: NodeSpec) -> bool | None:
-        """Return whether a truth value decides a Switch; None where it may be one, or something else."""
+        """Return whether the value of a Switch is a truth value; None when it may also have another type."""
         bound = spec.ports["variable"]
         if isinstance(bound, references.Constant):
             return isinstance(bound.value, bool)
@@ -108,7 +109,7 @@ _DELETE = "\x7f"
 
 
 def mission_to_xml(mission: Mission) -> str:
-    """Return the mission as XML text. Raises FileError with everything that cannot be expressed there."""
+    """Return the mission as XML text. Raises FileError with all parts that XML cannot express."""
     exporter = XmlExporter(mission)
     root = exporter.root()
     if exporter.faults:
@@ -155,8 +156,10 @@ class XmlExporter:
         self._called = set()
         comments = self._above(tree.mark)
         root = self.node(tree.root, tree.name)
-        said = {btcpp_vocabulary.DESCRIPTION: tree.doc} if tree.doc else {}
-        return Element("BehaviorTree", {"ID": tree.name, **said}, (root,), comments=comments, mark=tree.mark)
+        attributes = {btcpp_vocabulary.DESCRIPTION: tree.doc} if tree.doc else {}
+        return Element(
+            "BehaviorTree", {"ID": tree.name, **attributes}, (root,), comments=comments, mark=tree.mark
+        )
 
     # Models.
 
@@ -276,11 +279,11 @@ class XmlExporter:
         bound = cast("references.Constant", spec.ports["if"])
         expression = cast("Expression", bound.value)
         try:
-            identity, said = "ScriptCondition", {"code": script(expression)}
+            identity, attributes = "ScriptCondition", {"code": script(expression)}
         except NotExpressible:
-            identity, said = btcpp_vocabulary.CHECK, {"if": expression.text}
+            identity, attributes = btcpp_vocabulary.CHECK, {"if": expression.text}
             self._use(identity, tree_nodes_model.check_model)
-        return Element(identity, self._named(spec, identity) | said)
+        return Element(identity, self._named(spec, identity) | attributes)
 
     def _set_blackboard(self, spec: NodeSpec, trail: str) -> Element:
         """Export a SetBlackboard. Numbers and truth values keep their type in a Script only."""
@@ -298,19 +301,19 @@ class XmlExporter:
             text = value_text(value, PortType("any"))
             if text != value:
                 with suppress(NotExpressible):
-                    said = {"code": constant_script(key, value), btcpp_vocabulary.SETS: "true"}
-                    return Element("Script", {**named, **said})
+                    attributes = {"code": constant_script(key, value), btcpp_vocabulary.SETS: "true"}
+                    return Element("Script", {**named, **attributes})
             self._check_text(text, "port 'value'", spec.places.get("value", spec.mark), trail)
         else:
             text = str(bound)
         return Element("SetBlackboard", {**named, "value": text, "output_key": key})
 
     def _script(self, spec: NodeSpec) -> Element:
-        given = spec.postconditions["code"]
+        assignments = spec.postconditions["code"]
         try:
-            identity, code = "Script", assignments_script(given)
+            identity, code = "Script", assignments_script(assignments)
         except NotExpressible:
-            identity, code = btcpp_vocabulary.ASSIGN, _assignments(given)
+            identity, code = btcpp_vocabulary.ASSIGN, _assignments(assignments)
             self._use(identity, tree_nodes_model.assign_model)
         return Element(identity, self._named(spec, identity) | {"code": code})
 
@@ -387,21 +390,24 @@ class XmlExporter:
     # Conditions.
 
     def _conditioned(self, spec: NodeSpec, element: Element) -> Element:
-        """Return the element with conditions as attributes, or in a Guarded where scripts cannot say them."""
+        """Return the element with conditions as attributes, or in a Guarded where scripts cannot express
+        them."""
         after = {key: spec.postconditions[key] for key in POSTCONDITIONS if key in spec.postconditions}
         if not spec.preconditions and not after:
             return element
         try:
-            said = {key: script(expression) for key, expression in spec.preconditions.items()}
-            said |= {key: assignments_script(given) for key, given in after.items()}
-            return _with(element, said)
+            attributes = {key: script(expression) for key, expression in spec.preconditions.items()}
+            attributes |= {key: assignments_script(assignments) for key, assignments in after.items()}
+            return _with(element, attributes)
         except NotExpressible:
             self._use(btcpp_vocabulary.GUARDED, tree_nodes_model.guarded_model)
             ours = {
                 btcpp_vocabulary.GUARDS[key]: expression.text
                 for key, expression in spec.preconditions.items()
             }
-            ours |= {btcpp_vocabulary.GUARDS[key]: _assignments(given) for key, given in after.items()}
+            ours |= {
+                btcpp_vocabulary.GUARDS[key]: _assignments(assignments) for key, assignments in after.items()
+            }
             return Element(btcpp_vocabulary.GUARDED, ours, (element,))
 
     # Faults.

@@ -1,4 +1,4 @@
-"""Labels of Switches that truth values decide, which are numbers in BehaviorTree.CPP."""
+"""Import of missions from BehaviorTree.CPP XML, with checks; labels of Switches over truth values."""
 
 from __future__ import annotations
 
@@ -71,13 +71,13 @@ class ImportOptions:
     strict: bool = False
     """Whether everything without a meaning for a run is an error."""
     main: str = ""
-    """ID of the first tree; empty: what the files say."""
+    """ID of the first tree; empty: the one that the files name."""
     plugins: tuple[str, ...] = ()
-    """Further plug-ins, as the mission names them."""
+    """Further plug-ins, by their names in the mission."""
     folder: Path | None = None
     """Folder of the mission, from which its plug-ins count; None: that of the first file."""
     stubs: str = ""
-    """Name of the plug-in with stubs, as the mission names it; empty: unknown nodes are an error."""
+    """Name of the plug-in with stubs in the mission; empty: unknown nodes are an error."""
     enums: Mapping[str, int] = field(default_factory=dict[str, int])
     """Numbers by their names in scripts, as a program registers enums."""
 
@@ -99,7 +99,7 @@ def import_xml(
 
 
 def check_xml(text: str, path: Path) -> tuple[Diagnostic, ...]:
-    """Return everything that is wrong with an XML file, as the check of a mission does."""
+    """Return all faults of an XML file, as the check of a mission does."""
     try:
         return _Importer([XmlText(text, path)], NodeRegistry(), ImportOptions()).checked()
     except FileError as error:
@@ -137,7 +137,7 @@ class _Importer:
         return (*found, *check_mission(self._document_of(whole), self._registry).faults)
 
     def _read(self) -> tuple[MarkedValue, MissionReadResult, tuple[StubNode, ...]]:
-        """Return the mission's content, what the loader makes of it, and the stubs. Raises FileError."""
+        """Return the mission's content, the loaded mission, and the stubs. Raises FileError."""
         self._load_plugins()
         if self._options.stubs or self._options.plugins:
             stub_missing_trees(self._source, self._faults)
@@ -168,8 +168,8 @@ class _Importer:
         if self._faults.errors and not self._source.trees:
             raise FileError(self._faults.all())
         if self._faults.errors:
-            told = {fault.where for fault in self._faults.all() if fault.severity == "error"}
-            wrong = [f for f in reading.faults if f.code not in _FOLLOWS and f.where not in told]
+            reported = {fault.where for fault in self._faults.all() if fault.severity == "error"}
+            wrong = [f for f in reading.faults if f.code not in _FOLLOWS and f.where not in reported]
             raise FileError([*self._faults.all(), *wrong])
         self._refuse([*self._faults.all(), *reading.faults])
         return whole, reading, tuple(stubs.values())
@@ -208,10 +208,10 @@ class _Importer:
         return whole
 
     def _doc(self, name: str, element: Element) -> str:
-        """Return what a tree says of itself, in its model or in the attribute of Groot2."""
+        """Return the description of a tree, from its model or the attribute of Groot2."""
         model = self._source.models.get(name)
-        said = model.get("description") if model is not None else ""
-        return said or one_line(element.get(btcpp_vocabulary.DESCRIPTION))
+        description = model.get("description") if model is not None else ""
+        return description or one_line(element.get(btcpp_vocabulary.DESCRIPTION))
 
     def _unknown(self, stubs: Sequence[StubNode], trails: Mapping[str, str]) -> None:
         """Report the unknown nodes: those with a near name each, the others together."""
@@ -247,13 +247,13 @@ class _Importer:
         if self._source.main == "":
             whole.put("library", True)
         for key in _ONE:
-            for said in self._source.said(key)[:1]:
-                whole.put(key, said.value, said.mark)
+            for entry in self._source.said(key)[:1]:
+                whole.put(key, entry.value, entry.mark)
         for key in _MANY:
-            said = self._source.said(key)
-            if said:
-                items = [MarkedValue(one.mark, one.value) for one in said]
-                whole.put(key, MarkedValue(said[0].mark, items=items), said[0].mark)
+            entry = self._source.said(key)
+            if entry:
+                items = [MarkedValue(one.mark, one.value) for one in entry]
+                whole.put(key, MarkedValue(entry[0].mark, items=items), entry[0].mark)
 
     def _name_plugins(self, whole: MarkedValue, *, stubbed: bool) -> None:
         """Name the plug-ins of the command line in the head."""
@@ -274,18 +274,18 @@ class _Importer:
         """Report trees of other mission files for which the XML differs."""
         exporter = XmlExporter(mission)
         for name in sorted(self._source.included):
-            given, tree = self._source.trees.get(name), mission.trees.get(name)
-            if given is None:
+            element, tree = self._source.trees.get(name), mission.trees.get(name)
+            if element is None:
                 continue
             if tree is None:
                 message = f"none of the included files holds the tree {name!r}"
                 yield Diagnostic(
-                    given.place("ID"), name, message, "name its file in the metadata 'include'", "P916"
+                    element.place("ID"), name, message, "name its file in the metadata 'include'", "P916"
                 )
-            elif _bare(exporter.tree(tree)) != _bare(given):
+            elif _bare(exporter.tree(tree)) != _bare(element):
                 message = f"the tree {name!r} says something else than the included {tree.mark.file}"
                 hint = "change that file, or give the tree another name here"
-                yield Diagnostic(given.place("ID"), name, message, hint, "P916")
+                yield Diagnostic(element.place("ID"), name, message, hint, "P916")
 
 
 def _tree(root: NodeDraft, ports: tuple[TreePort, ...], element: Element, doc: str) -> MarkedValue:

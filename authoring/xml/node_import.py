@@ -69,7 +69,7 @@ class Translations:
         return NodeDraft.around("Sequence", element.mark, _script_of(element, statements), draft)
 
     def _leaf(self, identity: str, element: Element, ports: tuple[str, ...], trail: str) -> NodeDraft:
-        """Return a node without children; report attributes that are none of the ports, and children."""
+        """Return a node without children; report children, and attributes that are no ports."""
         self._reader.only(element, ports, trail)
         self._reader.count(element, element.identity, 0, 0, trail)
         return NodeDraft.of(identity, element.mark)
@@ -77,7 +77,7 @@ class Translations:
     def _assigned_before(
         self, element: Element
     ) -> tuple[tuple[Statement, ...], expression_syntax.Part] | None:
-        """Return assignments and the condition behind them; None where there is only a condition."""
+        """Return assignments and the condition behind them; None for a condition alone."""
         try:
             *statements, last = read_parts(element.get("code"), self._enums)
         except ScriptError:
@@ -190,7 +190,7 @@ class Translations:
         return self._ended(element, self._repeated(draft, element, trail), trail)
 
     def _ended(self, element: Element, loop: NodeDraft, trail: str) -> NodeDraft:
-        """Return the loop so that it ends as `if_empty` says, which it does behind the last element, too."""
+        """Return the loop with the outcome of `if_empty`, which also applies behind the last element."""
         match element.get("if_empty", "SUCCESS"):
             case "SUCCESS":
                 return loop
@@ -298,7 +298,7 @@ class XmlNodeReader(ElementReader):
         self._translations = Translations(self, context.enums)
         self.switches = self._translations.switches
         self._made = set[str]()
-        """Keys that the import has made."""
+        """Keys that the import has created."""
 
     def literal_type(self, tree: str, key: str, declared: PortType) -> PortType:
         return declared if self._context.ours else literal_type(self._context.flow, tree, key, declared)
@@ -323,10 +323,10 @@ class XmlNodeReader(ElementReader):
         trail = f"{above}/{element.get('name') or identity}"
         if element.text:
             message = f"the text {element.text[:30]!r} has no meaning here"
-            self.faults.note(element.mark, trail, message, "a comment stands in <!-- -->", code="P905")
+            self.faults.note(element.mark, trail, message, "write a comment as <!-- -->", code="P905")
         if element.name not in btcpp_vocabulary.ELEMENTS and "ID" in element.attributes:
             message = f"<{element.name}> has no attribute 'ID'"
-            hint = "the ID is the element's name, or stands in <Action>, <Condition>, <Control>, <Decorator>"
+            hint = "the ID is the element's name, or in <Action>, <Condition>, <Control>, <Decorator>"
             self.fault(element.place("ID"), trail, message, hint, code="P908")
         draft = self._draft(element, identity, trail)
         self.common(element, draft, trail)
@@ -363,7 +363,7 @@ class XmlNodeReader(ElementReader):
             self.fault(mark, trail, f"unknown node {identity!r}", hint, code="P906")
 
     def _stubbed(self, element: Element, stub: StubNode, trail: str) -> NodeDraft:
-        """Read a node that picktree does not know; what is missing is reported once for all of them."""
+        """Read a node that picktree does not know; missing models are reported once for all of them."""
         self._context.trails.setdefault(stub.source, trail)
         declaration = self._context.stub_class(stub).declaration
         draft = NodeDraft.of(stub.id, element.mark, declaration.keys)

@@ -22,7 +22,7 @@ _PORTS: Mapping[str, Literal["in", "out"]] = {"input_port": "in", "output_port":
 
 @dataclass(frozen=True, slots=True)
 class TreePort:
-    """Port as the mission declares it."""
+    """Port in the mission's declaration."""
 
     key: str
     mark: Mark
@@ -35,7 +35,7 @@ class TreePort:
     unit: str = ""
     choices: MarkedValue | None = None
     initial: MarkedValue | None = None
-    """Value with which an output begins where a call does not wire it."""
+    """Initial value of an output that a call does not wire."""
 
     @property
     def kind(self) -> PortType:
@@ -59,7 +59,7 @@ class TreePort:
 
 
 def fill_in_wires(source: XmlSource) -> None:
-    """Write the keys of callers that models of trees name as defaults into the calls without a wire.
+    """Write the defaults of the tree models that are keys of callers into the calls without a wire.
 
     BehaviorTree.CPP does the same.
     """
@@ -110,10 +110,10 @@ class PortsOfTrees:
         called = {call.get("ID") for call in calls}
         for name in found if not (self._ours or self._faults.strict) else ():
             if name == self._source.main or name not in called:
-                given = self._of_the_program(name, {port.key for port in found[name]})
+                external = self._of_the_program(name, {port.key for port in found[name]})
                 # Other trees that call this one know nothing of the program.
                 default = MarkedValue(self._source.root.mark, None) if name in called else None
-                found[name] = (*found[name], *(replace(port, default=default) for port in given))
+                found[name] = (*found[name], *(replace(port, default=default) for port in external))
         return found
 
     def _calls(self) -> Iterator[Element]:
@@ -183,7 +183,7 @@ class PortsOfTrees:
     # From calls and uses.
 
     def _inferred(self, tree: str, calls: list[Element], known: Mapping[str, TreePort]) -> Iterator[TreePort]:
-        """Yield the ports that calls give and no model declares; those that no node uses are left out."""
+        """Yield the ports in calls that no model declares; unused ones are left out."""
         used = {*self._flow.reads(tree), *self._flow.writes(tree)}
         seen: set[str] = set(known)
         for call in calls:
@@ -221,7 +221,7 @@ class PortsOfTrees:
         return port
 
     def _of_the_program(self, tree: str, known: set[str]) -> Iterator[TreePort]:
-        """Yield a port for each key that a tree reads, which no tree calls, and that nothing writes."""
+        """Yield a port for each key that an uncalled tree reads and no node writes."""
         for key, mark in self._flow.reads(tree).items():
             written = key in world_facts.FACTS or self._flow.group(tree, key).written
             if written or key in known or key in self._flow.watched or key.startswith("_"):

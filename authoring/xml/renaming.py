@@ -1,4 +1,4 @@
-"""Names of trees, keys and nodes that a mission cannot have: they get other ones, and a note says which.
+"""Renaming of trees, keys and nodes whose names a mission cannot have, with a note about each.
 
 BehaviorTree.CPP takes any text for the name of a tree, a node or a key.
 """
@@ -28,7 +28,7 @@ _CALL_WORDS = ("ID", "name")
 
 
 def identifier(text: str, taken: Collection[str] = (), fallback: str = "key") -> str:
-    """Return an identifier of ASCII letters that is near the text, and none of those `taken`."""
+    """Return an identifier of ASCII letters similar to the text, and not among `taken`."""
     plain = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
     stem = re.sub(r"\W+", "_", plain, flags=re.ASCII).strip("_") or fallback
     stem = f"_{stem}" if stem[0].isdigit() else stem
@@ -41,7 +41,7 @@ def identifier(text: str, taken: Collection[str] = (), fallback: str = "key") ->
 
 
 def node_name(text: str) -> str:
-    """Return a name that a node of a mission may have."""
+    """Return a valid name for a node of a mission."""
     name = " ".join(re.sub(r"[/#]+", "-", text).split())
     name = name if len(name) <= MAX_NAME_LENGTH else name[: MAX_NAME_LENGTH - 1].rstrip() + "…"
     return name.strip("- ") or "node"

@@ -52,7 +52,7 @@ def expression_text(part: expression_syntax.Part) -> str:
 
 
 def literal_text(value: str | int | float | bool | None) -> str:
-    """Return a constant as an expression writes it."""
+    """Return a constant in the syntax of expressions."""
     match value:
         case None:
             return "null"
@@ -171,7 +171,7 @@ def _text(part: expression_syntax.Part) -> str:
 
 
 def _is_text(part: expression_syntax.Part) -> bool:
-    """Whether a sum certainly is a text: then it is joined, which `+` does not do with a number."""
+    """Whether a sum certainly is a text: texts are joined, which `+` does not do with a number."""
     match part:
         case expression_syntax.LiteralValue(value=value):
             return isinstance(value, str)
@@ -275,7 +275,7 @@ class Statement:
                 return None
 
     def text(self) -> str:
-        """Return the statement as a postcondition writes it."""
+        """Return the statement in the syntax of a postcondition."""
         operator = ":=" if self.new else "="
         return f"{self.key} {operator} {expression_text(self.value)}"
 
@@ -294,7 +294,7 @@ def read_parts(script: str, enums: Mapping[str, int] | None = None) -> tuple[Sta
 
 
 def names_in(script: str) -> tuple[str, ...]:
-    """Return the names in a script; none when it cannot be read."""
+    """Return the names in a script; empty for an unreadable one."""
     try:
         return tuple(token.text for token in _tokens(script) if token.kind == "name")
     except ScriptError:
@@ -302,7 +302,7 @@ def names_in(script: str) -> tuple[str, ...]:
 
 
 def with_names(script: str, names: Mapping[str, str]) -> str:
-    """Return the script with other names; one that cannot be read is left as it is."""
+    """Return the script with other names; an unreadable one is not changed."""
     try:
         tokens = [token for token in _tokens(script) if token.kind == "name"]
     except ScriptError:

@@ -58,7 +58,7 @@ _PARTS = ("BehaviorTree", "TreeNodesModel", "include")
 _HEAD = ("picktree", "library", "name", "scene", "goal", "include", "plugins", INCLUDED)
 _FORMAT_3 = ("SubTreePlus", "SequenceStar", "RetryUntilSuccesful", "BlackboardCheckInt",
              "BlackboardCheckDouble", "BlackboardCheckString", "BlackboardCheckBool")  # fmt: skip
-"""Nodes of format 3 alone."""
+"""Nodes that only format 3 has."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +71,7 @@ class XmlText:
 
 @dataclass(frozen=True, slots=True)
 class MetadataEntry:
-    """One entry of the metadata, as `scene="three_bins"`."""
+    """Entry of the metadata, as `scene="three_bins"`."""
 
     key: str
     value: str
@@ -105,7 +105,7 @@ class XmlSource:
 
 
 def read_source(files: Sequence[XmlText], faults: ImportFaults, main: str = "") -> XmlSource:
-    """Read files that belong together. `main`: ID of the first tree, by default what the files say.
+    """Read files that belong together. `main`: ID of the first tree, by default the one that the files name.
 
     Raises FileError when a file is no XML; other errors go to `faults`.
     """
@@ -139,8 +139,8 @@ class _Reader:
     def _read(self, text: str | None, path: Path, trail: tuple[str, ...]) -> None:
         """Read a file; without a text it is one that another file includes."""
         try:
-            given = file_text.read_text(path) if text is None else text
-            read = read_xml(given, str(path), strict=self._faults.strict)
+            content = file_text.read_text(path) if text is None else text
+            read = read_xml(content, str(path), strict=self._faults.strict)
         except FileError as error:
             self._faults.add(*error.faults)
             return
@@ -216,7 +216,7 @@ class _Reader:
         self._source.trees[identity] = element
         if len(element.children) != 1:
             message = f"<BehaviorTree> has {len(element.children)} children; it takes 1"
-            self._faults.fault(element.mark, identity, message, "several stand in a Sequence", code="P909")
+            self._faults.fault(element.mark, identity, message, "put several into a Sequence", code="P909")
 
     def _attributes(self, element: Element, known: Iterable[str], trail: str) -> None:
         for name in element.attributes:
@@ -227,7 +227,7 @@ class _Reader:
     def _no_text(self, element: Element, trail: str) -> None:
         if element.text:
             message = f"the text {element.text[:30]!r} has no meaning here"
-            self._faults.note(element.mark, trail, message, "a comment stands in <!-- -->", code="P905")
+            self._faults.note(element.mark, trail, message, "write a comment as <!-- -->", code="P905")
 
     def _models(self, element: Element, *, first: bool) -> None:
         for model in element.children:

@@ -58,7 +58,7 @@ PYTHON_TYPES = {
     "string": str, "int": int, "float": float, "bool": bool, "object": ObjectId, "any": object,
 }  # fmt: skip
 _QUESTION = re.compile(r"(?:Is|Are|Has|Would|Can|Should)[A-Z]")
-"""Beginning of the names of conditions, where nothing says what a node is."""
+"""Beginning of the names of conditions, for a node of unknown kind."""
 _NO_PORT = ("ID", *COMMON_KEYS)
 
 
@@ -69,7 +69,7 @@ class StubPort:
     name: str
     declared: PortDeclaration
     remapped: str = ""
-    """Reference that stands where a use leaves the port out; empty: none."""
+    """Reference for uses that leave the port out; empty: none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +90,7 @@ class StubNode:
 
 
 class StubFinder:
-    """Finder of the unknown nodes of a source, with what is known of their ports."""
+    """Finder of the unknown nodes of a source, with the known properties of their ports."""
 
     def __init__(
         self,
@@ -140,7 +140,7 @@ class StubFinder:
         return found, KeyFlow(self._source.trees, declared, self._source.main, self._enums)
 
     def port_use(self, element: Element, key: str) -> PortUse | None:
-        """Return what is known of a port before the stubs are made."""
+        """Return the known properties of a port before the stubs are made."""
         identity = element.identity
         if identity in self._elements:
             if key in _NO_PORT or key.startswith("_"):
@@ -184,16 +184,16 @@ class StubFinder:
         return names <= set(declaration.keys) and bool(element.children) == bool(declaration.slots)
 
     def _misfits(self, registry: NodeRegistry) -> frozenset[str]:
-        """Return the IDs of nodes of picktree's own that some use cannot mean."""
+        """Return the IDs of picktree's own nodes that do not fit all of their uses."""
         found: set[str] = set()
         for element in (each for tree in self._source.trees.values() for each in tree.iterate()):
             node = None if element.identity in btcpp_vocabulary.BUILT_IN else registry.find(element.identity)
             if node is None or not node.__module__.startswith("picktree.") or element.identity == "ForEach":
                 continue
             needed = {port.key for port in node.declaration.ports if port.required}
-            given = {key for key in element.attributes if key not in _NO_PORT and key[:1] != "_"}
+            ports = {key for key in element.attributes if key not in _NO_PORT and key[:1] != "_"}
             known = {*node.declaration.keys, *(slot.key for slot in node.declaration.slots)}
-            if needed - given or given - known or bool(element.children) != bool(node.declaration.slots):
+            if needed - ports or ports - known or bool(element.children) != bool(node.declaration.slots):
                 found.add(element.identity)
         return frozenset(found)
 
@@ -215,8 +215,8 @@ class StubFinder:
             found = self._port(name, key, uses, settled.get((name, key)), taken)
             if found is not None:
                 ports.append(found)
-        said = one_line((model.get("description") or model.text) if model is not None else "")
-        doc = said or f"{name} of {uses[0].mark.file.replace(chr(92), '/').rpartition('/')[2]}."
+        description = one_line((model.get("description") or model.text) if model is not None else "")
+        doc = description or f"{name} of {uses[0].mark.file.replace(chr(92), '/').rpartition('/')[2]}."
         return StubNode(name, identity, self._kind(model, uses), doc, tuple(ports), uses[0].mark, len(uses))
 
     def _identity(self, name: str, use: Element) -> str:
@@ -286,7 +286,7 @@ def _attribute(key: str) -> str:
 
 
 def stub_missing_trees(source: XmlSource, faults: ImportFaults) -> None:
-    """Take calls of trees that no file has for nodes, which stubs or a plug-in stand for."""
+    """Treat calls of missing trees as nodes, for which stubs or a plug-in are used."""
     missing: set[str] = set()
 
     def replaced(element: Element) -> Element:
@@ -322,7 +322,7 @@ def _type_of(literals: list[str], uses: int) -> PortType:
 
 
 def _named_direction(port: str) -> Direction | None:
-    """Return the direction that the name of a port says, as `input_pose`; None where it says none."""
+    """Return the direction in the name of a port, as `input_pose`; None without one."""
     words = port.lower().split("_")
     if {"out", "output"} & {words[0], words[-1]}:
         return "out"
@@ -338,7 +338,7 @@ def _reads(text: str, kind: PortType) -> bool:
 
 
 def stub_class(stub: StubNode) -> type[Node]:
-    """Return the node class of a stub, as the text of the plug-in defines it."""
+    """Return the node class of a stub, equal to that in the text of the plug-in."""
     base, members = _BASES[stub.kind]
     body: dict[str, object] = {
         "__doc__": stub.doc,
@@ -397,8 +397,10 @@ _NAMES = {
     "Control": ("ControlNode", "NodeStatus", "children"),
 }
 """Names that a kind of node needs; the first is its base class."""
-_TAKEN = ("Cause", "Failure", "In", "ObjectId", "Out", "port", "register_cause", "NODES", "NOT_WRITTEN",
-          *(name for names in _NAMES.values() for name in names))  # fmt: skip
+_RESERVED_NAMES = (
+    "Cause", "Failure", "In", "ObjectId", "Out", "port", "register_cause", "NODES", "NOT_WRITTEN",
+    *(name for names in _NAMES.values() for name in names),
+)  # fmt: skip
 
 
 def stub_text(stubs: Iterable[StubNode], origin: str) -> str:
@@ -439,7 +441,7 @@ def _imports(names: list[str]) -> Iterator[str]:
 
 
 def _class_name(identity: str) -> str:
-    taken = identity in _TAKEN or keyword.iskeyword(identity) or hasattr(builtins, identity)
+    taken = identity in _RESERVED_NAMES or keyword.iskeyword(identity) or hasattr(builtins, identity)
     return f"{identity}Node" if taken else identity
 
 
@@ -472,20 +474,20 @@ def _class(node: StubNode, name: str) -> Iterator[str]:
 
 def _port(port: PortDeclaration) -> Iterator[str]:
     way = "In" if port.direction == "in" else "Out"
-    given = [_quoted(port.doc)]
+    arguments = [_quoted(port.doc)]
     if port.default is not REQUIRED:
-        given.append(f"default={_value(port.default)}")
+        arguments.append(f"default={_value(port.default)}")
     if port.attribute != port.key:
-        given.append(f"key={_quoted(port.key)}")
+        arguments.append(f"key={_quoted(port.key)}")
     if port.takes == "template":
-        given.append('takes="template"')
+        arguments.append('takes="template"')
     start = f"    {port.attribute}: {way}[{_type(port.type)}] = port("
-    line = f"{start}{', '.join(given)})"
+    line = f"{start}{', '.join(arguments)})"
     if len(line) <= _LINE:
         yield line
     else:
         yield start
-        yield from (f"        {each}," for each in given)
+        yield from (f"        {each}," for each in arguments)
         yield "    )"
 
 

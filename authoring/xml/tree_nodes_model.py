@@ -29,8 +29,8 @@ def node_model(declaration: NodeDeclaration, loose: Collection[str] = ()) -> Ele
         kind = "Control"
     ports = [_node_port(port, loose) for port in declaration.ports]
     for slot in slots:
-        said = {"one": "the child", "many": "children, as 1;2", "table": "as name=child"}[slot.arity]
-        text = f"{slot.doc}: {said}, counted from 0"
+        form = {"one": "the child", "many": "children, as 1;2", "table": "as name=child"}[slot.arity]
+        text = f"{slot.doc}: {form}, counted from 0"
         ports.append(_port("input_port", slot.key, _TEXT, "", text))
     return Element(kind, {"ID": declaration.id}, tuple(ports))
 
@@ -46,8 +46,8 @@ def assign_model() -> Element:
 
 
 def guarded_model() -> Element:
-    said = "of the child, in the words of picktree"
-    ports = {port: f"{condition} {said}" for condition, port in btcpp_vocabulary.GUARDS.items()}
+    ending = "of the child, in the words of picktree"
+    ports = {port: f"{condition} {ending}" for condition, port in btcpp_vocabulary.GUARDS.items()}
     return _text_model("Decorator", btcpp_vocabulary.GUARDED, ports)
 
 
@@ -85,8 +85,8 @@ def tree_model(
     fields = tuple(Element("Metadata", field) for field in metadata)
     if fields:
         parts.append(Element("MetadataFields", {}, fields))
-    said = {"description": tree.doc} if tree.doc else {}
-    return Element("SubTree", {"ID": tree.name, **said}, tuple(parts))
+    description = {"description": tree.doc} if tree.doc else {}
+    return Element("SubTree", {"ID": tree.name, **description}, tuple(parts))
 
 
 def head(mission: Mission) -> list[dict[str, str]]:

@@ -130,15 +130,15 @@ def _order(rows: Column, by_time: Column) -> Column:
     for topic in np.unique(topics).tolist():
         places = np.flatnonzero(topics[order] == topic)
         mine = order[places]
-        told = mine[np.argsort(numbers[mine], kind="stable")]
-        if (told != mine).any() and np.abs(times[told] - times[mine]).max() <= _MAX_DELAY:
-            times[told] = times[mine]
-            order[places] = told
+        by_number = mine[np.argsort(numbers[mine], kind="stable")]
+        if (by_number != mine).any() and np.abs(times[by_number] - times[mine]).max() <= _MAX_DELAY:
+            times[by_number] = times[mine]
+            order[places] = by_number
     return order
 
 
 def _is_original(rows: Column) -> NDArray[np.bool_]:
-    """Return for each row whether it is no copy of one before.
+    """Return for each row whether it is an original, not a copy of an earlier row.
 
     A copy has the topic, time and content of another message, and its number. When several different messages
     of one time are all there twice, a program has copied them and may have numbered the copies.
@@ -219,12 +219,12 @@ class McapReader:
 
     @property
     def start(self) -> int:
-        """Time of the first message, ns; 0 when there is none."""
+        """Time of the first message, ns; 0 without messages."""
         return self._summary.statistics.message_start_time if self._summary.statistics else 0
 
     @property
     def end(self) -> int:
-        """Time of the last message, ns; 0 when there is none."""
+        """Time of the last message, ns; 0 without messages."""
         return self._summary.statistics.message_end_time if self._summary.statistics else 0
 
     @property
@@ -280,7 +280,7 @@ class McapReader:
         return [message.time for message in self.messages((topic,), start)]
 
     def attachment(self, name: str) -> Attachment | None:
-        """Return the attachment; None when there is none of that name."""
+        """Return the attachment; None without one of that name."""
         if name in self._lost_files:
             raise self._damaged(self._lost_files[name], "wrong check sum of a file")
         for index in self._summary.attachment_indexes:
@@ -373,21 +373,26 @@ def _is_as_written(file: RecordFile, summary: Summary, data_end: int) -> bool:
     Raises one of `DAMAGE_ERRORS` when their check sum is wrong.
     """
     crc = int.from_bytes(file.record(data_end, Opcode.DATA_END)[1][:4], "little")
-    told, chunks = summary.statistics, summary.chunk_indexes
-    if not crc or told is None:
+    statistics, chunks = summary.statistics, summary.chunk_indexes
+    if not crc or statistics is None:
         return False
     if crc != file.crc(0, data_end):
         raise ValueError("wrong check sum of the data")
     listed = (summary.schemas, summary.channels, chunks, summary.attachment_indexes, summary.metadata_indexes)
-    counts = (told.schema_count, told.channel_count, told.chunk_count, told.attachment_count)
-    if tuple(map(len, listed)) != (*counts, told.metadata_count):
+    counts = (
+        statistics.schema_count,
+        statistics.channel_count,
+        statistics.chunk_count,
+        statistics.attachment_count,
+    )
+    if tuple(map(len, listed)) != (*counts, statistics.metadata_count):
         return False
     if any(b.message_start_time < a.message_end_time for a, b in pairwise(chunks)):
         return False
     last = parsed(*file.record(chunks[-1].chunk_start_offset, Opcode.CHUNK)) if chunks else None
     messages = breakup_chunk(last) if isinstance(last, Chunk) else []
     numbers = {each.channel_id: each.sequence for each in messages if isinstance(each, Message)}
-    totals = told.channel_message_counts
+    totals = statistics.channel_message_counts
     return all(number == totals[channel] & 0xFFFFFFFF for channel, number in numbers.items())
 
 
@@ -405,7 +410,7 @@ _OTHER_FILES = (
 
 
 def _description(head: bytes) -> str:
-    """Return what a file with these first bytes is, and that it should begin otherwise."""
+    """Return a description of a file with these first bytes, and of the expected beginning."""
     known = next((name for sign, name in _OTHER_FILES if head.startswith(sign)), "")
     if not head:
         known = "an empty file"

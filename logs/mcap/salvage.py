@@ -133,7 +133,7 @@ _COMPRESSION_SIGNS = (b"\x04\x00\x00\x00zstd", b"\x03\x00\x00\x00lz4")
 _SIGN_OFFSET = RECORD_HEAD.size + 28
 """Offset of the compression's name in a chunk's record, bytes."""
 _MAX_TIME = 1 << 62
-"""Times from here on are damaged, ns."""
+"""Least time that counts as damaged, ns."""
 _MAX_UNPACKED_SIZE = 4 << 30
 """Limit of the `mcap` package for a record, applied to an unpacked chunk, bytes."""
 _MAX_NAMED_LOSSES = 4
@@ -147,7 +147,7 @@ class Loss:
     offset: int
     what: str
     lost: bool = True
-    """Whether something is lost; else an index only, which was made again."""
+    """Whether content is lost; otherwise only an index, which was rebuilt."""
     channels: tuple[int, ...] = ()
     """Channels of the lost messages, as far as an index states them."""
 
@@ -202,7 +202,7 @@ class Salvage:
         return f"damaged at {places}; {rest}" if losses else rest
 
     def records(self) -> Iterator[McapRecord]:
-        """Yield everything readable, without chunks and indexes. A lost file is yielded as it is."""
+        """Yield everything readable, without chunks and indexes. A lost file is yielded unchanged."""
         if self._summary is not None:
             yield from self._summary.schemas.values()
             yield from map(self._taken, self._summary.channels.values())
@@ -237,7 +237,7 @@ class Salvage:
         return record
 
     def _following(self, offset: int) -> int | None:
-        """Return the offset of a whole record behind the damaged one at `offset`; None when there is none."""
+        """Return the offset of a whole record behind the damaged one at `offset`; None: no whole record."""
         after = self._behind(offset)
         if after is not None:
             return after

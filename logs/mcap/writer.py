@@ -65,7 +65,7 @@ class RawFile(Protocol):
 
 
 def open_raw(path: Path) -> RawFile:
-    """Open a new, empty file, and lock it for as long as it is open, where the system has such locks."""
+    """Open a new, empty file, and lock it until it is closed, where the system has such locks."""
     file = path.open("w+b", buffering=0)
     if fcntl is not None:
         with suppress(OSError):  # some network disks have none
@@ -396,8 +396,7 @@ class McapFile:
                 self._disk.publish()
 
     def keep_up(self, age: float) -> None:
-        """A checkpoint when a message has been waiting for `age` wall seconds; and the disk is to have what
-        was written before."""
+        """Make a checkpoint when a message has been waiting for `age` wall seconds; then sync the file."""
         with self._lock:
             if self._index and self._wall() - self._waiting_since >= age:
                 self._write_chunk()
@@ -415,7 +414,7 @@ class McapFile:
 
     @property
     def closed(self) -> bool:
-        """Finished, or given up because the disk refused."""
+        """Whether the file is finished, or given up because the disk refused."""
         return self._disk.closed
 
     @property

@@ -1,4 +1,4 @@
-"""Writing a log, and putting the files of one together."""
+"""Writer of a log, and its files."""
 
 import lazy_loader
 

@@ -480,7 +480,7 @@ class Recorder:
             self._file.attachment(name, media_type, data, slot)
 
     def tree(self, tree: Tree, now: float = 0.0) -> None:
-        """Write the tree as it was loaded: a message, and a metadata record for readers that seek."""
+        """Write the loaded tree: a message, and a metadata record for readers that seek."""
         data = log_records.encode(tree)
         self._write(topics.TREE, now, data)
         with self._interrupts.held():
@@ -518,7 +518,7 @@ class Recorder:
             self._file.rotate_if_due(_ns(now), self.digest)
 
     def tick(self, now: float, tick: Tick) -> None:
-        """Write what a tick has changed. A failure that begins in this tick also becomes a log line.
+        """Write the changes of a tick. A failure that begins in this tick also becomes a log line.
 
         Before the first tick of each chunk, and of an edited tree, the state of all nodes is written.
         """

@@ -1,9 +1,9 @@
-"""State of the simulation in the log, several times a second, from which a run can resume as it stood.
+"""State of the simulation in the log, several times a second. A run can resume from its last state.
 
 It is no part of the digest: its content is simulated, but it is not written for viewers of the run. Most of
 it stays the same, so a message holds the changes since the one before. Now and then a message holds
 everything, in case one is lost: after some seconds at the earliest, and not before changes have taken as much
-room. A run that goes on for hours has thousands of items that left with bins; each is told once in between.
+room. A run of hours has thousands of items that left with bins; each is written once in between.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class StateWriter:
         self._before: Mapping[str, Any] = {}
         """State of the message before, without the items that left."""
         self._departed = 0
-        """Number of the items that left, as told so far."""
+        """Number of the items that left and are written already."""
         self._at = self._whole_at = float("-inf")
         self._whole_size = self._size = 0
         """Bytes of the last whole message, and of those after it."""
@@ -49,12 +49,12 @@ class StateWriter:
         self._at = now
         full = state(0 if whole else self._departed)
         rest, left = _parted(full)
-        told = dict(full) if whole else _changed(self._before, rest)
+        content = dict(full) if whole else _changed(self._before, rest)
         if left and not whole:
-            told[_DEPARTED_FIELD] = left
+            content[_DEPARTED_FIELD] = left
         self._before = rest
         self._departed = len(left) + (0 if whole else self._departed)
-        data = orjson.dumps({"whole": whole, "state": told})
+        data = orjson.dumps({"whole": whole, "state": content})
         if whole:
             self._whole_at, self._whole_size, self._size = now, len(data), 0
         else:
@@ -64,10 +64,10 @@ class StateWriter:
 
 def read_state(data: bytes) -> log_records.TrueState:
     """Decode a message. Raises ValueError for something else."""
-    said = cast("dict[str, Any]", orjson.loads(data))
-    if not isinstance(said.get("whole"), bool) or not isinstance(said.get("state"), dict):
+    message = cast("dict[str, Any]", orjson.loads(data))
+    if not isinstance(message.get("whole"), bool) or not isinstance(message.get("state"), dict):
         raise ValueError("no state of a simulation")
-    return log_records.TrueState(said["whole"], said["state"])
+    return log_records.TrueState(message["whole"], message["state"])
 
 
 def fold_states(messages: Iterable[log_records.TrueState]) -> dict[str, Any] | None:
@@ -77,18 +77,18 @@ def fold_states(messages: Iterable[log_records.TrueState]) -> dict[str, Any] | N
         if message.whole or state is None:
             state = dict(message.state)
             continue
-        told = dict(message.state)
-        if _ITEMS_FIELD in told:
-            news = {body["id"]: body for body in told.pop(_ITEMS_FIELD)}
-            order = told.pop("item_ids", [body["id"] for body in state[_ITEMS_FIELD]])
+        changes = dict(message.state)
+        if _ITEMS_FIELD in changes:
+            news = {body["id"]: body for body in changes.pop(_ITEMS_FIELD)}
+            order = changes.pop("item_ids", [body["id"] for body in state[_ITEMS_FIELD]])
             known = {body["id"]: body for body in state[_ITEMS_FIELD]} | news
-            told[_ITEMS_FIELD] = [known[name] for name in order]
-        left = [*_parted(state)[1], *told.pop(_DEPARTED_FIELD, ())]
-        inventory = told.get(_INVENTORY_FIELD, state.get(_INVENTORY_FIELD))
+            changes[_ITEMS_FIELD] = [known[name] for name in order]
+        left = [*_parted(state)[1], *changes.pop(_DEPARTED_FIELD, ())]
+        inventory = changes.get(_INVENTORY_FIELD, state.get(_INVENTORY_FIELD))
         if inventory:  # a change of an older log has all that left
-            left = _parted(told)[1] or left
-            told[_INVENTORY_FIELD] = {**inventory, _DEPARTED_FIELD: left}
-        state.update(told)
+            left = _parted(changes)[1] or left
+            changes[_INVENTORY_FIELD] = {**inventory, _DEPARTED_FIELD: left}
+        state.update(changes)
     return state
 
 
@@ -102,11 +102,11 @@ def _parted(state: Mapping[str, Any]) -> tuple[Mapping[str, Any], list[Any]]:
 
 
 def _changed(before: Mapping[str, Any], state: Mapping[str, Any]) -> dict[str, Any]:
-    told = {key: value for key, value in state.items() if key not in before or before[key] != value}
-    if _ITEMS_FIELD in told:
+    changes = {key: value for key, value in state.items() if key not in before or before[key] != value}
+    if _ITEMS_FIELD in changes:
         known = {body["id"]: body for body in before[_ITEMS_FIELD]}
-        told[_ITEMS_FIELD] = [body for body in state[_ITEMS_FIELD] if known.get(body["id"]) != body]
+        changes[_ITEMS_FIELD] = [body for body in state[_ITEMS_FIELD] if known.get(body["id"]) != body]
         ids = [body["id"] for body in state[_ITEMS_FIELD]]
         if ids != list(known):
-            told["item_ids"] = ids
-    return told
+            changes["item_ids"] = ids
+    return changes

@@ -204,7 +204,7 @@ def test_a_picture_that_stands_still_is_named(
     folder = run(tmp_path, mission=TWICE, backend=backend)
     cause = blind(folder).root_causes[0]
     assert (cause.cause, cause.confidence) == ("camera.frozen", "likely")
-    assert cause.title.startswith("the picture of the camera overhead stood still, from ")
+    assert cause.title.startswith("the image of the camera overhead was frozen, from ")
     with Run(folder) as log:
         assert any("overhead stands still" in f.message for f in explain(log).failures) == (
             backend == "physics"

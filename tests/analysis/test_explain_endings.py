@@ -133,7 +133,7 @@ def test_a_run_that_goes_on_is_not_called_killed(tmp_path: Path) -> None:
     session.run()
     ((status, cause, sentence),) = seen
     assert (status, cause) == ("running", "run.going_on")
-    assert sentence.startswith("the run is still going on: its log has come to ")
+    assert sentence.startswith("the run is still in progress: its log has come to ")
     with Run(session.folder) as log:
         assert log.explanation.outcome.status == "incomplete"
 

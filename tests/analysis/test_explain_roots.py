@@ -166,7 +166,7 @@ def test_an_item_that_vanished_from_its_bin_without_any_failure(tmp_path: Path) 
     assert cause.title.startswith(
         "red_ball_1 was taken away out of red_bin, where it had been placed, between"
     )
-    assert cause.reasons[-1] == "nothing failed: the robot went on believing that it was there"
+    assert cause.reasons[-1] == "nothing failed: the robot still believed that it was there"
 
 
 @pytest.mark.parametrize(
@@ -177,7 +177,7 @@ def test_an_item_that_vanished_from_its_bin_without_any_failure(tmp_path: Path) 
             "  rail: {box: [0.02, 0.3, 0.3], at: [0.49, -0.09, 0.15]}\n",
             BALL.replace("}}", "}, gap: 5 mm}"),
             "scene.blocked",
-            "post stands in the way of the hand at red_ball_1",
+            "post is in the way of the hand at red_ball_1",
             "in 440 of 832 grasps the hand would touch post",
         ),
         (

@@ -12,7 +12,7 @@ from picktree.analysis.explain import FailureStory
 from picktree.analysis.explain.case import Investigation
 from picktree.analysis.explain.device_causes import cameras_off
 from picktree.analysis.explain.explanation import DeviceFinding, Finding
-from picktree.analysis.explain.held_items import HeldPeriod, explain_overweight, why_it_left
+from picktree.analysis.explain.held_items import HeldPeriod, explain_departure, explain_overweight
 from picktree.logs.series import JointSeries, WrenchSeries
 from picktree.world import Box
 from picktree.world.scene import CatalogueEntry
@@ -84,7 +84,7 @@ def test_what_slipped_was_slippery_heavy_or_gripped_too_gently(
     pressed: float, pulled: float, cause: str, title: str
 ) -> None:
     """A log without true masses and frictions is explained by the measured forces."""
-    found = why_it_left(case(pressed, pulled), HELD)
+    found = explain_departure(case(pressed, pulled), HELD)
     assert found is not None
     assert (found.cause, found.title) == (cause, title)
     assert (found.confidence == "likely") is (cause == "grasp.weak")
@@ -109,7 +109,7 @@ def test_what_was_gripped_where_a_displaced_camera_had_seen_it_slipped_for_that(
     slid = cast("Any", held)
     slid.identities.by_item = {ITEM: [SimpleNamespace(time=time, off=(way, 0.0)) for time, way in seen]}
     slid.once = lambda question: (off,) if question is cameras_off else ()
-    found = why_it_left(held, HELD)
+    found = explain_departure(held, HELD)
     assert found is not None
     assert found.cause == cause
 

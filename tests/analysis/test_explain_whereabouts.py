@@ -12,7 +12,7 @@ from picktree.analysis.explain.case import Investigation
 from picktree.analysis.explain.device_causes import cameras_off
 from picktree.analysis.explain.explanation import DeviceFinding, Finding
 from picktree.analysis.explain.held_items import HeldPeriod, held_periods
-from picktree.analysis.explain.item_causes import misjudged
+from picktree.analysis.explain.item_causes import explain_misjudged_place
 from picktree.world import Pose
 
 ITEM = "red_ball_1"
@@ -53,6 +53,6 @@ def test_an_item_that_lay_elsewhere_was_let_go_or_seen_wrongly(
     held: tuple[HeldPeriod, ...], off: tuple[DeviceFinding, ...], cause: str
 ) -> None:
     failure = SimpleNamespace(cause="world.unknown_object", item=ITEM, time=10.0)
-    found = misjudged(case(held=held, off=off), cast("FailureStory", failure))
+    found = explain_misjudged_place(case(held=held, off=off), cast("FailureStory", failure))
     assert found is not None
     assert found.cause == cause

@@ -11,7 +11,7 @@ import pytest
 from picktree.analysis import Run
 from picktree.analysis.export import LAYOUT_FILE
 from picktree.analysis.render import body_mesh, heap_remark
-from picktree.analysis.render.scene_view import TRUTH_LINE, UNSEEN
+from picktree.analysis.render.scene_view import TRUTH_LINE, UNSEEN_COLOUR
 from picktree.analysis.report import row
 from picktree.analysis.report.body_motion import (
     BelievedBody,
@@ -253,15 +253,15 @@ def colours_of(body: BodyRecord) -> list[tuple[float, ...]]:
 
 def test_columns_of_a_heap_have_the_colours_of_their_heights() -> None:
     low, same, high, over = colours_of(heap((-0.05, 0.012), (-0.02, 0.012), (0.02, 0.06), (0.05, 0.132)))
-    assert low == same and len({low, high, over, UNSEEN}) == 4
+    assert low == same and len({low, high, over, UNSEEN_COLOUR}) == 4
     assert high == colours_of(heap((0.0, 0.06)))[0]  # whatever else is in the tote
 
 
 def test_columns_that_were_never_seen_are_grey() -> None:
     columns = ((-0.03, 0.06), (0.03, 0.12))
-    assert colours_of(heap(*columns))[1] == UNSEEN
+    assert colours_of(heap(*columns))[1] == UNSEEN_COLOUR
     assert heap_remark(heap(*columns), (WALL,)) == "0 … 100 mm; tote_heap: up to 60 mm; grey: never seen"
-    assert UNSEEN not in colours_of(heap(*columns, place="table"))
+    assert UNSEEN_COLOUR not in colours_of(heap(*columns, place="table"))
     assert heap_remark(heap((0.0, 0.12), place="table"), (WALL,)) == "0 … 100 mm; tote_heap: up to 120 mm"
     assert heap_remark(body("red_1"), (WALL,)) == ""
 

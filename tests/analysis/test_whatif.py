@@ -127,7 +127,7 @@ def test_what_is_said_of_it(turned: Continuation) -> None:
     found = turned
     text = found.to_text()
     assert "changed     mission line 14: 8 lines instead of 3, `Recover:` instead of `Sequence:`\n" in text
-    assert "nodes       6 go on as they were, 7 begin anew, 3 are gone\n" in text
+    assert "nodes       6 keep their state, 7 begin anew, 3 are gone\n" in text
     assert "\nstatus                   failure   success\n" in text
     assert "\nitems sorted             2 of 4    4 of 4\n" in text
     assert "they part at 8.10 s (A: recorded, B: what if): SortOne ends otherwise" in text
@@ -170,9 +170,7 @@ def test_a_what_if_of_a_what_if(turned: Continuation, tmp_path: Path) -> None:
 def test_seed_and_scene_stay_as_they_were(failed: RunResult) -> None:
     with pytest.raises(PicktreeError) as caught:
         what_if(failed.log, "130", changes=RunChanges(seed=4))
-    assert (
-        str(caught.value) == "a what-if goes on with the seed and the scene of the run; `resim` takes others"
-    )
+    assert str(caught.value) == "a what-if keeps the seed and the scene of the run; `resim` takes others"
 
 
 def test_a_faulty_mission_is_refused_before_anything_runs(failed: RunResult, tmp_path: Path) -> None:

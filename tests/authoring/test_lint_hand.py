@@ -30,7 +30,8 @@ def test_a_place_that_fails_leaves_it_in_the_hand() -> None:
         f"4:25 Recover/Sequence/Grasp: {SAYS}, when Grasp or Place fails {HINT}"
     ]
     assert held(f"ForceSuccess: {{Sequence: [{PICK}]}}") == [
-        f"4:36 ForceSuccess/Sequence/Grasp: {SAYS}, when Grasp or Place fails and the mission goes on {HINT}"
+        f"4:36 ForceSuccess/Sequence/Grasp: {SAYS}, when Grasp or Place fails and the mission continues "
+        f"{HINT}"
     ]
 
 
@@ -58,19 +59,19 @@ def test_a_hand_that_is_asked_first() -> None:
     pick = f"ForceSuccess: {{Sequence: [{PICK}]}}"
     retreat = "{SafeRetreat: {hand: open}}"
     # Grasp or Place may still end the mission, by a safety stop.
-    ends_by_itself = [finding for finding in held(pick) if "goes on" in finding]
+    ends_by_itself = [finding for finding in held(pick) if "continues" in finding]
     assert len(ends_by_itself) == 1
     for guarded in (
         f"IfThenElse: [{{Condition: {{if: holding}}}}, {retreat}, AlwaysSuccess]",
         "SafeRetreat: {hand: open, _skipIf: not holding}",
         f"Fallback: [{{Condition: {{if: not holding and not stopped}}}}, {retreat}]",
     ):
-        assert [finding for finding in held(pick, guarded) if "goes on" in finding] == []
+        assert [finding for finding in held(pick, guarded) if "continues" in finding] == []
     for useless in (
         f"IfThenElse: [{{Condition: {{if: not holding}}}}, {retreat}, AlwaysSuccess]",
         "SafeRetreat: {hand: open, _skipIf: stopped}",
     ):
-        assert [finding for finding in held(pick, useless) if "goes on" in finding] != []
+        assert [finding for finding in held(pick, useless) if "continues" in finding] != []
 
 
 def test_what_a_handler_opens_is_empty_and_what_another_round_takes_is_not() -> None:

@@ -96,7 +96,7 @@ def test_a_while_that_nothing_in_the_loop_changes() -> None:
 
     log = "{Log: {message: a}}"
     assert loop("items_left", log) == [
-        "P322 5:25 Repeat: nothing in Sequence changes 'items_left': once begun, the loop goes on for ever "
+        "P322 5:25 Repeat: nothing in Sequence changes 'items_left': once begun, the loop never ends "
         "(a number of cycles besides)"
     ]
     assert len(loop("n < 3", log)) == len(loop("n < 3", f"{LOOK}")) == 1

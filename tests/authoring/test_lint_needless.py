@@ -161,5 +161,5 @@ def test_included_files_that_nothing_uses(tmp_path: Path) -> None:
 
 def test_a_breakpoint_that_was_left() -> None:
     assert found("Log: {message: a, breakpoint: after}") == [
-        "P344 4:39 Log: a breakpoint stands here, after Log (only 'run --debug' stops at it)"
+        "P344 4:39 Log: a breakpoint is set here, after Log (only 'run --debug' stops at it)"
     ]

@@ -316,11 +316,11 @@ HOSTILE = {
     ),
     "a byte 0": (
         "<root>\0</root>",
-        "P901 1:7: not valid XML: this cannot stand here (in values write &lt; for < and &amp; for &)",
+        "P901 1:7: not valid XML: this is not allowed here (in values write &lt; for < and &amp; for &)",
     ),
     "half a character": (
         "<root>\ud800</root>",
-        "P901 1:7: not valid XML: this cannot stand here (in values write &lt; for < and &amp; for &)",
+        "P901 1:7: not valid XML: this is not allowed here (in values write &lt; for < and &amp; for &)",
     ),
     "nothing": ("", 'P901 1:1: not valid XML: the file is empty (it begins with <root BTCPP_format="4">)'),
     "a nesting of JSON": (

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, cast
 
 from picktree.authoring.lint.keys import KeyBits
 from picktree.authoring.lint.mission_survey import FlowAnalysis
-from picktree.authoring.lint.outcomes import EMPTY, OUTER, UNREPORTED, FlowState
+from picktree.authoring.lint.outcomes import HAND_EMPTY, HELD_OUTSIDE, UNREPORTED, FlowState
 from picktree.recovery import Recover
 from picktree.recovery.recover import RecoveryControl
 from picktree.trees import (
@@ -232,9 +232,9 @@ class _Watch:
 
     def _hand(self, tree: str) -> int:
         if not self._world.holds:
-            return EMPTY
+            return HAND_EMPTY
         filler = self._walk.filler(self._places[self._world.holds].spec)
-        return filler if tree == "Main" else filler | OUTER
+        return filler if tree == "Main" else filler | HELD_OUTSIDE
 
     def _bits(self, instance: SubTree, tree: str) -> int:
         """Which keys are written now, as the analysis numbers them."""

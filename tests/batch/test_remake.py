@@ -141,7 +141,7 @@ def test_what_names_no_job_that_was_run_is_refused(dropped: Path, named: str, me
 def test_a_job_is_not_changed_when_it_is_run_again(dropped: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert answer(["resim", f"{dropped}@15 N,seed=3", "--seed", "5"]) == 2
     assert capsys.readouterr().err == (
-        "a job of a batch is run again as it was: for changes, first have its log by "
+        "a job of a batch is run again without changes: for changes, first get its log by "
         f"resim {dropped}@15 N,seed=3, then give that log\n"
     )
 

@@ -91,7 +91,7 @@ def test_a_full_disk_stops_the_batch_and_costs_no_job_a_try(
         batch.run(worker, Remembering(at_end=fills_up))
     assert str(caught.value) == (
         f"{folder}: less than 200 MB are left on its disk, so no further job is begun; "
-        f"make room, and go on with --resume {folder}"
+        f"free some space, and continue with --resume {folder}"
     )
     has(200_000_000)
     with Batch.resume(folder) as batch:
@@ -129,7 +129,7 @@ def test_results_that_cannot_be_written_are_one_error_and_resume_takes_in_what_i
             batch.run(worker, Remembering())
         assert str(caught.value) == (
             f"{folder}/results.sqlite: the results cannot be written: disk I/O error; "
-            f"nothing that was recorded is lost: mend that, and go on with --resume {folder}"
+            f"nothing that was recorded is lost: mend that, and continue with --resume {folder}"
         )
         assert batch.store.query("SELECT count(*) FROM jobs WHERE status <> 'waiting'").rows == ((0,),)
     assert len(list(folder.glob("jobs/*/rows.json"))) == 1

@@ -167,7 +167,7 @@ def test_a_script_pauses_steps_looks_and_answers_and_the_run_is_the_same(
             "> foo\nno command 'foo' (`help` lists the commands)\n",
             "> answer yes\nno question waits for an answer\n",
             "Help is wanted: is it there?\n",
-            "> answer\n'' is none of the answers; write a number or one of these: yes, no\n",
+            "> answer\n'' is not among the answers; write a number or one of these: yes, no\n",
         ):
             assert part in said
         assert watching.next("question")["choices"] == ["yes", "no"]
@@ -301,6 +301,6 @@ def test_a_run_that_does_not_go_on_is_named(tmp_path: Path, capsys: pytest.Captu
         run.command.end()
     assert run.socket.exists()
     assert answer(["attach", str(run.folder)]) == 2
-    assert capsys.readouterr().err == f"{run.folder}: the run is not going on\n"
+    assert capsys.readouterr().err == f"{run.folder}: the run is not in progress\n"
     assert answer(["attach", str(tmp_path)]) == 2
     assert "there is no log.mcap in this folder" in capsys.readouterr().err

@@ -137,5 +137,5 @@ def test_a_reader_who_leaves_does_not_end_the_batch(tmp_path: Path) -> None:
         told.close()
         assert command.end() == 0
         errors.seek(0)
-        assert errors.read() == b"nobody reads on; the batch goes on, and Ctrl-C stops it\n"
+        assert errors.read() == b"the reader is gone; the batch continues, and Ctrl-C stops it\n"
     assert counts(tmp_path) == (("success", 3),)

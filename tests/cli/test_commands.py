@@ -201,5 +201,5 @@ def test_the_help_of_run_has_its_options_in_groups(capsys: pytest.CaptureFixture
     }
     assert list(options) == ["Arguments", *HELP_GROUPS, "Other options"]
     assert options["Other options"] == ["--help"]
-    assert options["Going on with a run"] == ["--resume", "--as-it-stands"]
+    assert options["Resuming a run"] == ["--resume", "--as-it-stands"]
     assert max(len(names) for names in options.values()) <= 7

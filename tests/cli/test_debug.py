@@ -185,7 +185,7 @@ def test_at_the_end_of_the_input_the_run_goes_on_without_another_stop() -> None:
         "0.00 s, before Main\n"
         "> b Take\n"
         f"2: before {PART}/Fallback/Take\n"
-        "the input ends here: the run goes on without another stop\n"
+        "the input ends here: the run continues without another stop\n"
     )
 
 

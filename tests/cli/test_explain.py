@@ -174,7 +174,7 @@ def test_help_comes_fast_and_names_the_command() -> None:
          "answer(['explain', '--help']); assert 'numpy' not in sys.modules"],
         capture_output=True, text=True, check=True,
     )  # fmt: skip
-    assert "Say why a run ended as it did" in ran.stdout
+    assert "Explain the end of a run" in ran.stdout
 
 
 WHOLE = """\

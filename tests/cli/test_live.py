@@ -163,7 +163,7 @@ def test_lines_tell_of_edits_and_follow_the_edited_tree() -> None:
     file = io.StringIO()
     with LinesDisplay(file) as view:
         view.started(executing(STRUCTURE), Path("runs/1"))
-        view.told(1.0, "the edit is not taken over:\nm.yaml:3:1: error P207: [no markup]")
+        view.notified(1.0, "the edit is not taken over:\nm.yaml:3:1: error P207: [no markup]")
         other = (*STRUCTURE[:2], replace(STRUCTURE[2], children=()))  # Main/2 is a leaf now
         view.edited(executing(other))
         view.ticked(3.0, report_of(other, "RUNNING", "SUCCESS", "FAILURE", cause="grasp.missed"), 0, 4)
@@ -184,7 +184,7 @@ def test_live_view_tells_above_the_tree(monkeypatch: pytest.MonkeyPatch) -> None
     console = Console(file=file, force_terminal=True, width=60, height=20, color_system=None)
     with LiveDisplay(console) as view:
         view.started(executing(STRUCTURE), Path("runs/1"))
-        view.told(1.0, "the edit is good")
+        view.notified(1.0, "the edit is good")
         view.edited(executing(STRUCTURE[:2]))
         view.ticked(2.0, report_of(STRUCTURE[:2], "RUNNING", "RUNNING"), 0, 4)
     assert "    1.00 s  the edit is good\n" in file.getvalue()

@@ -132,7 +132,7 @@ def test_a_difference_without_any_reason(
         "  there is such a message only now\n"
         "the 40 ticks before are the same\n"
         "likely why  nothing in the log is otherwise: not picktree, its libraries, the arithmetic.\n"
-        "            What is left is a clock, the order of a set or a global generator in a\n"
+        "            Possible causes: a clock, the order of a set or a global generator in a\n"
         "            plug-in, or a fault of picktree\n"
     )
 

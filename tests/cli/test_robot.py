@@ -163,7 +163,7 @@ def test_what_xacro_left_in_a_urdf_is_no_matter(tmp_path: Path) -> None:
         (
             chain("floating", *["revolute"] * 6),
             "the joint 'j1' is floating: the robot drives, flies or walks",
-            "an arm on a base that stands still",
+            "an arm on a base that does not move",
         ),
         (
             chain(*["revolute"] * 6).replace(LIMIT, "", 1),

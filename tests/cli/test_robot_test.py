@@ -218,7 +218,7 @@ def test_a_run_that_sees_nothing_says_that_the_arm_is_in_the_way(
     assert answer(["explain", str(folder), "--json"]) == 0
     (cause,) = json.loads(capfd.readouterr().out)["root_causes"]
     assert (cause["cause"], cause["ended_run"]) == ("arm.hides_items", True)
-    assert cause["title"] == "the arm stands between the camera overhead and items on the table"
+    assert cause["title"] == "the arm hides items on the table from the camera overhead"
     assert "the image of 0.15 s shows the arm there" in cause["reasons"][0]
     assert "'home' under 'poses:' in the robot file of arm" in cause["reasons"][2]
 

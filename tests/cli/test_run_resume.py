@@ -29,7 +29,7 @@ def test_what_the_log_says_is_not_said_again(
     assert answer(["run", *options, "--resume", "runs/a"]) == 2
     assert capsys.readouterr().err == (
         f"--resume and {shown} exclude each other: mission, scene, robot, seed, parameters, faults "
-        "and backend are those of the run that goes on (`picktree whatif` changes some of them)\n"
+        "and backend are those of the resumed run (`picktree whatif` changes some of them)\n"
     )
 
 
@@ -37,7 +37,7 @@ def test_a_mission_or_a_log_is_needed(capsys: pytest.CaptureFixture[str]) -> Non
     assert answer(["run"]) == 2
     assert "Missing argument 'MISSION'." in capsys.readouterr().err
     assert answer(["run", "m.yaml", "--as-it-stands"]) == 2
-    said = "--as-it-stands is said of a run that goes on: give --resume LOG, too\n"
+    said = "--as-it-stands needs a run to resume: give --resume LOG, too\n"
     assert capsys.readouterr().err == said
 
 
@@ -51,8 +51,8 @@ def test_a_person_is_asked_until_the_answer_is_one() -> None:
     assert PersonAtTerminal(out, nullcontext, lambda: next(lines)).answer(QUESTION) == "give up"
     assert out.getvalue() == (
         "\nHelp is wanted: the can slips\n  the hand is empty\n  1  go on\n  2  give up\n"
-        "(answer) (answer) 'g' is none of them: write a number or the beginning of one\n"
-        "(answer) 'stop' is none of them: write a number or the beginning of one\n(answer) "
+        "(answer) (answer) 'g' is not among them: write a number or the beginning of one\n"
+        "(answer) 'stop' is not among them: write a number or the beginning of one\n(answer) "
     )
 
 

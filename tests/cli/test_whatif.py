@@ -85,7 +85,7 @@ def test_both_outcomes_side_by_side(asked: Callable[..., Any], capfd: pytest.Cap
         "goes on     from checkpoint-0001, the last checkpoint before tick 200 (10.00 s): "
         "tick 120, 6.00 s, 2 items done\n"
         "changed     mission line 3: `attempts: 2` instead of `attempts: 1`\n"
-        "nodes       9 go on as they were, 1 begin anew, 0 are gone\n"
+        "nodes       9 keep their state, 1 begin anew, 0 are gone\n"
         "  anew      Main/Sequence/Extra\n"
         "\n"
         "                         recorded  what if\n"

@@ -109,7 +109,7 @@ def test_a_run_that_goes_on_is_read_once_and_again_at_its_end(
         log.write_bytes(whole[: len(whole) * 3 // 4])
         assert [row.status for row in index.rows()] == ["running", "success"]
         assert len(opened) == before
-        with pytest.raises(PicktreeError, match=r"the run goes on; halt it first$"):
+        with pytest.raises(PicktreeError, match=r"the run is in progress; halt it first$"):
             index.delete(next(index.rows()))
         log.write_bytes(whole)
     assert next(index.rows()).status != "running"

@@ -33,7 +33,7 @@ def test_what_runs_below_is_stopped_by_nobody(node: str) -> None:
 
 def test_another_value_for_each_attempt_lets_no_time_pass() -> None:
     assert found("Repeat: {while: holding, do: {ForAttempt: {attempt: 1, values: [1], value: '{v}'}}}") == [
-        "nothing in ForAttempt changes 'holding': once begun, the loop goes on for ever"
+        "nothing in ForAttempt changes 'holding': once begun, the loop never ends"
     ]
 
 
@@ -105,5 +105,5 @@ def test_what_is_done_instead_comes_before_other_handlers_and_may_succeed() -> N
     ) == ["'place.full' is never used"]
     assert heard("instead: {place.full: {Log: {message: full}}}", "otherwise: SafeRetreat") == [
         "the mission may end with what Grasp took still in the hand, "
-        "when Grasp or Place fails and the mission goes on"
+        "when Grasp or Place fails and the mission continues"
     ]

@@ -136,8 +136,8 @@ def killed(folder: Path) -> Iterator[Path]:
 
 def test_a_killed_run_goes_on_byte_for_byte(killed: Path, alone: RunResult, tmp_path: Path) -> None:
     with Resumption(ResumeRequest(killed, out=tmp_path)) as resumption:
-        assert f"{killed / 'log.mcap'} from checkpoint-0001: " in resumption.told
-        assert resumption.told.endswith(" s, 1 item done")
+        assert f"{killed / 'log.mcap'} from checkpoint-0001: " in resumption.description
+        assert resumption.description.endswith(" s, 1 item done")
         result = resumption.session().run()
     assert (result.status, result.digest) == ("success", alone.digest)
     assert (result.items, result.picks) == (alone.items, alone.picks)
@@ -170,7 +170,7 @@ def test_of_the_log_only_what_follows_the_checkpoint_is_read_and_nothing_kept(
 
 def test_it_goes_on_as_things_stood_and_looks_first(killed: Path, alone: RunResult, tmp_path: Path) -> None:
     with Resumption(ResumeRequest(killed, out=tmp_path, as_it_stands=True)) as resumption:
-        assert resumption.told.endswith(": it looks first")
+        assert resumption.description.endswith(": it looks first")
         session = resumption.session()
         # The fingers hold an item: that the checkpoint told them to open is over.
         assert session.execution.world.gripper.overdue_failure() is None
@@ -210,7 +210,7 @@ def test_a_killed_run_that_another_program_rewrote_goes_on_as_things_stood(
         said = capsys.readouterr().err.partition("\n")[0]
         result = json.loads(next(out.glob("*/result.json")).read_text())
         went_on.append((said.replace(str(path), "LOG"), result["sim_seconds"], result["items"]))
-    assert went_on[0][0].startswith("going on with LOG as things stood at ")
+    assert went_on[0][0].startswith("resuming LOG from its last state at ")
     assert went_on[1] == went_on[0]
 
 
@@ -232,7 +232,7 @@ def test_a_run_that_was_killed_before_its_first_tick_goes_on_where_it_began(
     cut = killed_at_once(alone.folder, tmp_path / "cut")
     for stands in (False, True):
         with Resumption(ResumeRequest(cut, as_it_stands=stands)) as resumption:
-            assert resumption.told.endswith(": the run begins anew")
+            assert resumption.description.endswith(": the run begins anew")
             assert resumption.recipe.start is None
     with Resumption(ResumeRequest(killed, out=tmp_path, as_it_stands=True)) as resumption:
         stood = resumption.recipe.start
@@ -243,7 +243,9 @@ def test_a_run_that_was_killed_before_its_first_tick_goes_on_where_it_began(
     cut = killed_at_once(again.folder, tmp_path / "cut again")
     with Resumption(ResumeRequest(cut, as_it_stands=True)) as resumption:
         at = f"at {stood.state.time:.2f} s, 1 item done"
-        assert resumption.told.endswith(f" has no tick of its own: it goes on where that run did, {at}")
+        assert resumption.description.endswith(
+            f" has no tick of its own: it resumes where that run did, {at}"
+        )
         assert resumption.recipe.start == stood
 
 
@@ -251,8 +253,8 @@ def test_a_finished_run_is_refused(alone: RunResult) -> None:
     with pytest.raises(PicktreeError) as refused:
         Resumption(ResumeRequest(alone.folder))
     assert str(refused.value) == (
-        f"{alone.log}: the run is finished: the goal is reached; `picktree whatif` lets it go on from a "
-        "checkpoint with something changed"
+        f"{alone.log}: the run is finished: the goal is reached; `picktree whatif` resumes it from a "
+        "checkpoint with changes"
     )
 
 
@@ -266,7 +268,7 @@ def test_a_run_at_its_limit_goes_on_with_a_later_one(folder: Path, alone: RunRes
         f"{ended.log}: the run was ended at its limit, 0.50 s; give a later one, as in --limit '60 s'"
     )
     with Resumption(ResumeRequest(ended.folder, out=tmp_path, limit=60.0)) as resumption:
-        assert resumption.told == f"{ended.log} has no checkpoint: the run begins anew"
+        assert resumption.description == f"{ended.log} has no checkpoint: the run begins anew"
         assert resumption.recipe.limit == 60.0
 
 
@@ -278,12 +280,12 @@ def test_a_run_that_asks_for_help_is_paused_and_goes_on_with_the_answer(tmp_path
     assert paused.asked is not None
     assert paused.asked.choices == ("go on", "set aside", "give up")
     assert paused.to_text("picktree").splitlines()[3] == (
-        f"go on with  picktree run --resume {paused.folder} --answer 'go on'"
+        f"resume with picktree run --resume {paused.folder} --answer 'go on'"
     )
     assert RunResult.from_json_text(paused.to_json_text(), paused.log).asked == paused.asked
 
     with Resumption(ResumeRequest(paused.folder, out=tmp_path, answers=("give",))) as resumption:
-        assert "from checkpoint-0001" in resumption.told
+        assert "from checkpoint-0001" in resumption.description
         result = resumption.session().run()
     assert (result.status, result.message) == (
         "failure",

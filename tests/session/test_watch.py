@@ -92,7 +92,7 @@ class Witness(Observer):
     def edited(self, run: Execution) -> None:
         self.structures.append(frozenset(node.path for node in run.tree.structure()))
 
-    def told(self, now: float, text: str) -> None:
+    def notified(self, now: float, text: str) -> None:
         self.said.append((round(now, 2), text))
 
     def ticked(self, now: float, report: Tick, items_done: int, items_total: int) -> None:
@@ -311,7 +311,7 @@ def test_an_edited_scene_file_is_for_the_next_run(tmp_path: Path) -> None:
     text = MISSION.replace("scene: sort_small", "scene: cell")
     _, witness = run(tmp_path, {0.1: {"cell.yaml": scene + "limits: {force: 50 N}\n"}}, text, limit=0.2)
     assert witness.heard(tmp_path) == [
-        (0.1, "/cell.yaml: the scene was edited; this run keeps it as it was, a new run has the edit")
+        (0.1, "/cell.yaml: the scene was edited; this run keeps the old one, a new run has the edit")
     ]
 
 

@@ -121,8 +121,8 @@ def test_jobs_of_a_killed_server_are_listed_and_their_ends_are_seen(
             with again.served.client() as client:
                 jobs = {job["number"]: job for job in jobs_of(client)}
                 assert (jobs[number]["outcome"], jobs[number]["title"]) in (
-                    ("done", "What if, from 0.00 s"),
-                    ("no", "What if, from 0.00 s"),
+                    ("done", "What-if from 0.00 s"),
+                    ("no", "What-if from 0.00 s"),
                 )
                 # Its result was found, too: the run that it has made.
                 made = client.call("runs.open", id=jobs[number]["result"].removeprefix("#/run/"))

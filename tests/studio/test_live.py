@@ -168,7 +168,7 @@ def test_a_run_is_started_steered_left_and_found_again_by_another_server(
         ended = await page.until(lambda s: s.get("ended"))
         assert (ended["status"], ended["board"]["Main/answer"]) == ("success", "yes")
         assert any(line[1] == "blackboard_set" for line in ended["lines"])
-        with pytest.raises(PicktreeError, match="is not going on"):
+        with pytest.raises(PicktreeError, match="is not in progress"):
             await live.command(identity, "pause")
         await live.close()
 
@@ -201,7 +201,7 @@ def test_the_form_offers_what_the_mission_takes_and_faults_are_named(room: Room)
         ):
             with pytest.raises(PicktreeError, match=told):
                 await live.start(order)
-        with pytest.raises(PicktreeError, match="is not going on"):
+        with pytest.raises(PicktreeError, match="is not in progress"):
             await anext(live.follow("elsewhere"))
 
     on_a_loop(body)
@@ -213,7 +213,7 @@ def test_runs_at_once_are_limited_and_halt_ends_one(room: Room, monkeypatch: pyt
     async def body() -> None:
         live = room.open()
         identity = await live.start(ORDER)
-        with pytest.raises(PicktreeError, match="1 runs go on"):
+        with pytest.raises(PicktreeError, match="1 runs are in progress"):
             await live.start(ORDER)
         page = Page(live, identity)
         await page.until(lambda s: s.get("time", 0) > 0)

@@ -118,5 +118,5 @@ def test_faults_of_a_mission_are_shown_before_its_start(page: tuple[Any, Told]) 
 def test_a_run_that_is_over_leads_to_its_page(page: tuple[Any, Told], tmp_path: Path) -> None:
     browser, _ = page
     browser.evaluate("location.hash = '#/live/runs/gone'")
-    browser.get_by_text("This run is not going on").wait_for()
+    browser.get_by_text("This run is not in progress").wait_for()
     assert browser.get_by_role("link", name="Open it").get_attribute("href") == "#/run/runs/gone"

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 from picktree.authoring.lint.mission_survey import FlowAnalysis
 from picktree.authoring.lint.outcomes import (
-    EMPTY,
-    KEPT,
-    OUTER,
-    SHARED,
+    HAND_EMPTY,
+    HAND_SECURED,
+    HAND_SHARED,
+    HELD_OUTSIDE,
     UNREPORTED,
     FailureReasons,
     FlowState,
@@ -83,7 +83,7 @@ def ways(body: str) -> dict[str, list[str]]:
 
     def state(one: FlowState) -> str:
         written = [key if one.sure & bit else f"{key}?" for key, bit in keys.items() if one.maybe & bit]
-        hand = {"empty": EMPTY, "kept": KEPT, "outer": OUTER, "shared": SHARED}
+        hand = {"empty": HAND_EMPTY, "kept": HAND_SECURED, "outer": HELD_OUTSIDE, "shared": HAND_SHARED}
         held = [word for word, bit in hand.items() if one.hand & bit]
         held += ["full"] if one.hand & ~sum(hand.values()) else []
         return f"{' '.join(written)} | {'/'.join(held)}{'!' if one.doubtful else ''}".strip()

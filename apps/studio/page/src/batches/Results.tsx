@@ -35,12 +35,12 @@ export function Results({ summary, label, onAsk }: { summary: BatchSummary; labe
         </ul>
       </section>
       <section className="card">
-        <h2>By place on the table</h2>
+        <h2>Share sorted by place</h2>
         <p className="muted">Where items arrived, from above, the robot below. A number counts those that were not sorted; choose it for their jobs.</p>
         <HeatMap summary={summary} part={part} onAsk={(value, title) => onAsk({ what: "place", value, label, title })} />
       </section>
       <section className="card">
-        <h2>By form and colour</h2>
+        <h2>Share sorted by form and colour</h2>
         <p className="muted">Share of items sorted, with Wilson's 95 % interval.</p>
         <Rates rows={part.forms.map((each) => ({ name: each.label, rate: each.rate }))} onAsk={(name) => onAsk({ what: "form", value: name, label, title: `Jobs that left a ${name}` })} />
         <Rates rows={part.colours.map((each) => ({ name: each.label, rate: each.rate }))} onAsk={(name) => onAsk({ what: "colour", value: name, label, title: `Jobs that left something ${name}` })} />

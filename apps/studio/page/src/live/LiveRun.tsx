@@ -36,7 +36,7 @@ export function LiveRun({ id }: { id: string }) {
   useKeys(state && !over ? { stopped, order } : null);
   if (!state) {
     if (!error) return <p className="loading" role="status">Connecting to the run …</p>;
-    return <Empty title="This run is not going on"><p>{error.message}</p><p><a className="button" href={href("run", id)}>Open it</a> <a className="button" href={href("live")}>Runs that go on</a></p></Empty>;
+    return <Empty title="This run is not in progress"><p>{error.message}</p><p><a className="button" href={href("run", id)}>Open it</a> <a className="button" href={href("live")}>Runs that go on</a></p></Empty>;
   }
   const shows = (panel: Panel) => !narrow || front === panel;
   return (

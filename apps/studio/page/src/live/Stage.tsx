@@ -44,7 +44,7 @@ export const Stage = memo(function Stage({ id, state }: { id: string; state: Liv
       </div>
       <div className="live-tools">
         <span ref={tools} />
-        <Button pressed={truth} onClick={() => setTruth(!truth)} title="Where the bodies truly are, which the robot does not know">Truth</Button>
+        <Button pressed={truth} onClick={() => setTruth(!truth)} title="True poses of the bodies, unknown to the robot">Truth</Button>
         <span className="muted wide-only">{state.belief.length} bodies believed in, {state.truth.length} there</span>
       </div>
     </>

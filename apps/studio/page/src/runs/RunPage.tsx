@@ -87,7 +87,7 @@ function Opened({ run, place, refresh }: { run: OpenedRun; place: Place; refresh
           <Button onClick={() => start("runs.resim")} title="Run it again from its log, and compare">Run again</Button>
           <Button onClick={() => setOpen("compare")}>Compare …</Button>
           <Button onClick={() => start("runs.write_report")} title="The report as one file, in reports/">Write the page</Button>
-          <Button onClick={() => start("runs.write_film")} title="In films/">Make the film</Button>
+          <Button onClick={() => start("runs.write_film")} title="Writes into films/">Make the film</Button>
           <Button onClick={copy} title="A link to this moment"><Icon name="link" /> Copy link</Button>
         </div>
       </header>

@@ -106,7 +106,7 @@ export function useMission(path: string, onCursor: (place: number) => void): Wri
       now.text = found;
       setText(found);
       setSaved(plain(file.text));
-      if (file.draft !== null && file.draft !== file.text) toast("What was typed and not saved is here again.", "info");
+      if (file.draft !== null && file.draft !== file.text) toast("The unsaved text is restored.", "info");
       made = makeEditor(host.current, path, found, {
         changed(changed, byPicture) {
           now.text = changed;
