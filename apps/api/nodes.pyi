@@ -21,7 +21,7 @@ class Conditions(TypedDict, total=False):
     breakpoint: str
 
 class Sequence(Node):
-    """Ticks its children in order until one fails; goes on with the child that was RUNNING.
+    """Ticks its children in order until one fails; resumes at the child that was RUNNING.
 
     SUCCESS when all succeeded (skipped ones do not count), SKIPPED when all were skipped. It fails with the
     failure of its failing child."""
@@ -34,7 +34,7 @@ class Sequence(Node):
     ) -> None: ...
 
 class SequenceWithMemory(Node):
-    """A Sequence that goes on with the child that failed or was halted, also when it is started again.
+    """A Sequence that resumes at the child that failed or was halted, also after a new start.
 
     Children before that one are not ticked again until all have succeeded. SKIPPED when all were skipped in
     one go."""
@@ -47,10 +47,10 @@ class SequenceWithMemory(Node):
     ) -> None: ...
 
 class Fallback(Node):
-    """Ticks its children in order until one succeeds; goes on with the child that was RUNNING.
+    """Ticks its children in order until one succeeds; resumes at the child that was RUNNING.
 
     When none succeeds it fails with the last child's failure, the others' attached. A child without a report
-    (a false condition) does not hide one that has. SKIPPED when all were skipped."""
+    (a false condition) does not hide the report of another. SKIPPED when all were skipped."""
 
     def __init__(
         self,
@@ -60,7 +60,7 @@ class Fallback(Node):
     ) -> None: ...
 
 class ReactiveSequence(Node):
-    """Asks every child anew at each tick, from the first: conditions first, then what they guard.
+    """Ticks every child again at each tick, from the first: conditions first, then the guarded child.
 
     When an earlier child runs or fails, a later one that was RUNNING is halted, after the earlier was ticked."""
 
@@ -72,7 +72,7 @@ class ReactiveSequence(Node):
     ) -> None: ...
 
 class ReactiveFallback(Node):
-    """Tries every child anew at each tick, from the first.
+    """Ticks every child again at each tick, from the first.
 
     When an earlier child runs or succeeds, a later one that was RUNNING is halted, after the earlier was
     ticked. Both hold the arm for a moment, and the one that acquired it last keeps it."""
@@ -85,10 +85,10 @@ class ReactiveFallback(Node):
     ) -> None: ...
 
 class PipelineSequence(Node):
-    """Ticks its children again at each tick, from the first to the furthest that has run, as Nav2's.
+    """Ticks its children again at each tick, from the first to the furthest that has run, as in Nav2.
 
-    A child that runs again does not hold up those behind it that have begun. It ends when a child fails, or
-    when the last has succeeded; what still runs is then halted. SKIPPED when all were skipped."""
+    A child that runs again does not delay later children that have begun. It ends when a child fails, or when
+    the last has succeeded; children that still run are then halted. SKIPPED when all were skipped."""
 
     def __init__(
         self,
@@ -98,15 +98,15 @@ class PipelineSequence(Node):
     ) -> None: ...
 
 class RoundRobin(Node):
-    """Ticks its children in turn, and begins each time after the child that succeeded last, as Nav2's.
+    """Ticks its children in turn, and starts each time after the child that succeeded last, as in Nav2.
 
     A child that fails or is skipped passes the turn on, in the same tick. It fails when all have failed, and,
-    unless it may `wrap_around`, when the last child has had its turn and did not succeed. Whose turn it is
-    outlasts success; failure and being halted give it back to the first child. As handler of a `Recover` it
-    tries another cure at each failure.
+    without `wrap_around`, when the last child has had its turn without success. The turn is kept after a
+    success; a failure or a halt gives it back to the first child. As handler of a `Recover` it tries another
+    cure at each failure.
 
     Ports:
-        wrap_around: after the last child it is the first one's turn again; default False.
+        wrap_around: whether the first child follows the last one; default False.
     """
 
     def __init__(
@@ -141,7 +141,7 @@ class TryCatch(Node):
     """A Sequence of all children but the last, which runs when one of them fails: the node then fails, too.
 
     It fails with the failure of the child that failed, however the last child ends. With `catch_on_halt` a
-    halt also ticks the last child, once; nothing that takes longer may stand there, and nothing that moves.
+    halt also ticks the last child, once; that child must end in one tick and move nothing.
 
     Ports:
         catch_on_halt: whether a halt ticks the last child, too; default False.
@@ -159,11 +159,12 @@ class Parallel(Node):
     """Ticks all children that have not ended, in order, in each tick.
 
     A number below zero counts from the end: -1 is all children, -2 all but one. It fails with the first
-    failure, the others' attached. What still runs when it ends is halted. SKIPPED when all were skipped.
+    failure, the others' attached. Children that still run at its end are halted. SKIPPED when all were
+    skipped.
 
     Ports:
-        success_count: how many children must succeed; -1 for all, -2 for all but one; default -1.
-        failure_count: how many failures are too many; -1 when all failed; default 1.
+        success_count: number of children that must succeed; -1 for all, -2 for all but one; default -1.
+        failure_count: number of failures at which the node fails; -1 for all children; default 1.
     """
 
     def __init__(
@@ -176,13 +177,13 @@ class Parallel(Node):
     ) -> None: ...
 
 class ParallelAll(Node):
-    """Ticks all children in each tick until every one has ended, whatever the others do.
+    """Ticks all children in each tick until every one has ended, independent of the results of others.
 
     It then fails when `max_failures` children or more have failed: with the first failure, the others'
     attached. A skipped child needs no end; SKIPPED when all were skipped.
 
     Ports:
-        max_failures: how many failures are too many; -1 when all failed, -2 when all but one; default 1.
+        max_failures: number of failures at which the node fails; -1 for all children, -2 for all but one; default 1.
     """
 
     def __init__(
@@ -194,9 +195,9 @@ class ParallelAll(Node):
     ) -> None: ...
 
 class IfThenElse(Node):
-    """Asks its first child once; then ticks the second (yes) or the third (no) until it ends.
+    """Ticks its first child until it ends; then ticks the second after SUCCESS, the third after FAILURE.
 
-    Without a third child a no is FAILURE. SKIPPED when the condition is skipped."""
+    Without a third child, FAILURE of the first is FAILURE of the node. SKIPPED when the condition is skipped."""
 
     def __init__(
         self,
@@ -206,10 +207,11 @@ class IfThenElse(Node):
     ) -> None: ...
 
 class WhileDoElse(Node):
-    """Asks its first child at every tick, and ticks the second while it holds, the third while not.
+    """Ticks its first child at every tick, then the second while the first succeeds, the third while it
+    fails.
 
     It is not a loop: it ends when the ticked child ends. As in BT.CPP the branch that is left is halted
-    before the other is ticked. Without a third child a no is FAILURE."""
+    before the other is ticked. Without a third child, FAILURE of the first is FAILURE of the node."""
 
     def __init__(
         self,
@@ -225,7 +227,7 @@ class Switch(Node):
     ticked, as in BT.CPP. Without a case and a default it fails with tree.no_case.
 
     Ports:
-        variable: the value that decides; it is read at every tick.
+        variable: the value to match; it is read at every tick.
         cases: what is done for each value
         default: what is done for all other values
     """
@@ -243,16 +245,16 @@ class Switch(Node):
 class ForEach(Node):
     """Runs its child once for each element of a list, which is read when the loop starts.
 
-    The tick ends between two elements. With `on_failure: continue` a failure is noted in the record as
-    handled and the loop goes on; it then succeeds at the end. What it does not pass over: a fault of the
-    program, and a safety stop that nobody has acknowledged. An empty list is SUCCESS; SKIPPED when the child
-    was skipped for every element.
+    The tick ends between two elements. With `on_failure: continue` a failure is recorded as handled and the
+    loop continues; it then succeeds at the end. It never passes over a fault of the program, nor a safety
+    stop without acknowledgement. An empty list is SUCCESS; SKIPPED when the child was skipped for every
+    element.
 
     Ports:
         in_: the elements.
         out: key of the present element, for the child to read. Output: the key to write, as '{out}'.
-        on_failure: when the child fails: fail with it, or continue with the next element; default fail.
-        most: how many elements at most, from the first; -1 for all; at least -1; default -1.
+        on_failure: reaction to a failure of the child: fail with it, or continue with the next element; default fail.
+        most: maximum number of elements, from the first; -1 for all; at least -1; default -1.
     """
 
     def __init__(
@@ -299,11 +301,11 @@ class ForceFailure(Node):
 class Repeat(Node):
     """Runs its child `num_cycles` times, or for as long as `while` holds; it fails when the child fails.
 
-    `while` is asked before each cycle. The tick ends between two cycles. A skipped child skips the loop.
+    `while` is evaluated before each cycle. The tick ends between two cycles. A skipped child skips the loop.
 
     Ports:
-        num_cycles: how often; -1 for without end; at least -1; default -1.
-        while_: go on only while this holds; asked before each cycle.
+        num_cycles: number of cycles; -1 for no limit; at least -1; default -1.
+        while_: condition to continue, checked before each cycle.
     """
 
     def __init__(
@@ -332,7 +334,7 @@ class RetryUntilSuccessful(Node):
     tree.attempts when the child gave no reason. A fault of the program is not tried again.
 
     Ports:
-        num_attempts: how often the child may run; -1 for without end; at least -1.
+        num_attempts: maximum number of runs of the child; -1 for no limit; at least -1.
     """
 
     def __init__(
@@ -381,7 +383,7 @@ class RateController(Node):
     after its end begins the next round at once.
 
     Ports:
-        hz: rounds a second; more than 0; default 10.0.
+        hz: ticks of the child per second; more than 0; default 10.0.
     """
 
     def __init__(
@@ -396,7 +398,7 @@ class RunOnce(Node):
     """Runs its child until it has ended once; after that it is SKIPPED, or answers as the child did then.
 
     Ports:
-        then_skip: after the first time SKIPPED (true), or the first answer again (false); default True.
+        then_skip: result from the second time on: SKIPPED (true), or the first result again (false); default True.
     """
 
     def __init__(
@@ -495,8 +497,8 @@ class SetBlackboard(Node):
     """Writes a value to the blackboard.
 
     Ports:
-        value: the value, or a reference to another.
-        output_key: the key to write it to. Output: the key to write, as '{output_key}'.
+        value: the value, or a reference to an entry.
+        output_key: the key to write to. Output: the key to write, as '{output_key}'.
     """
 
     def __init__(
@@ -511,10 +513,10 @@ class SetBlackboard(Node):
 class Script(Node):
     """Assigns to keys of the blackboard: `key := expression`, several with `;`.
 
-    `:=` makes the key where there is none; `=`, `+=`, `-=`, `*=` and `/=` change one that is there.
+    `:=` creates a missing key; `=`, `+=`, `-=`, `*=` and `/=` change an existing one.
 
     Ports:
-        code: the assignments, as `n := 3; n += 1`.
+        code: the assignments, such as `n := 3; n += 1`.
     """
 
     def __init__(
@@ -530,7 +532,7 @@ class Log(Node):
 
     Ports:
         message: the sentence for the record.
-        value: a value to log behind it.
+        value: a value to log after it.
     """
 
     def __init__(
@@ -558,20 +560,19 @@ class Sleep(Node):
     ) -> None: ...
 
 class AskForHelp(Node):
-    """Brake, and ask the operator how to go on: the reason and the choices are shown, the answer is an
-    output.
+    """Brake and ask the operator for a decision. Reason and choices are shown; the answer is an output.
 
-    Simulated time is frozen until the answer. Without a terminal and in batches the run ends `paused`;
-    `picktree run --resume` asks again, or takes the answer with `--answer`. With the answer `give_up` the
-    node fails with tree.given_up. In `reason` a reference as {item.kind} is replaced by its value. The answer
-    itself changes nothing: the nodes after this one act on it.
+    Simulated time is frozen until the answer. Without a terminal, and in batches, the run ends `paused`;
+    `picktree run --resume` asks again, or takes the answer from `--answer`. With the answer `give_up` the
+    node fails with tree.given_up. In `reason` a reference such as {item.kind} is replaced by its value. The
+    answer itself changes nothing: the nodes after this one act on it.
 
     Ports:
-        reason: why help is needed: a sentence for a person; references in it are filled in.
-        object: what it is about, for the record.
+        reason: reason for the request, as a sentence for a person; references in it are filled in.
+        object: the object in question, for the record.
         choices: the answers to choose from; default ['go on', 'set aside', 'give up'].
         give_up: the choice with which the node fails; default give up.
-        answer: the choice that was made. Output: the key to write, as '{answer}'.
+        answer: the chosen answer. Output: the key to write, as '{answer}'.
     """
 
     def __init__(
@@ -589,25 +590,25 @@ class AskForHelp(Node):
 class Recover(Node):
     """Runs `do`; when it fails, runs the handler of the cause, then `do` again, at most `attempts` times.
 
-    The first pattern of `when` that matches the cause is used, in the order of the file, else `otherwise`.
-    A cause without a handler fails at once. A handler that fails ends the node with the original cause, the
-    handler's attached. When all attempts are used up, `give_up` is run: it leaves the arm in a state from
-    which others can go on. So it is when nothing has changed since an earlier try (evidence `unchanged`) and
-    two handlers did not help, or the first try of this run fails so; and when an object is unknown after what
-    is tried against that. The node then fails with the last cause, the earlier ones attached. A fault of the
-    program is handled only where a pattern names it: `internal.error`.
+    The first pattern of `when` that matches the cause is used, in the order of the file, else `otherwise`. A
+    cause without a handler fails at once. A failing handler ends the node with the original cause; the
+    handler's cause is attached. When all attempts are used up, `give_up` is run: it leaves the arm in a state
+    from which other nodes can continue. The node then fails with the last cause, the earlier ones attached.
+    Attempts also end early in two cases. The first: the last two failures, or the first one of this run,
+    report an unchanged situation (evidence `unchanged`). The second: an object is still unknown after its
+    handler. A fault of the program is handled only where a pattern names it: `internal.error`.
 
-    A handler of `instead` takes the place of `do`: it comes before those of `when`, after the last attempt,
-    too, and with its success the node succeeds. So an item that is no good is done when it is in quarantine.
-    The outputs give `do`, the handlers and `give_up` the number of the attempt and the handled failure. The
-    tick ends between a handler and the next attempt.
+    A handler of `instead` replaces `do`. It takes precedence over those of `when`, also after the last
+    attempt, and the node succeeds with it. So a defective item is done when it is in quarantine. The outputs
+    give `do`, the handlers and `give_up` the number of the attempt and the handled failure. The tick ends
+    between a handler and the next attempt.
 
     Ports:
-        attempts: how often `do` may run; at least 1; default 3.
-        attempt: number of the attempt that runs, or failed last: 1, 2, …. Output: the key to write, as '{attempt}'.
+        attempts: maximum number of runs of `do`; at least 1; default 3.
+        attempt: number of the present or last attempt: 1, 2, …. Output: the key to write, as '{attempt}'.
         cause: cause of the failure that is being handled; empty before the first. Output: the key to write, as '{cause}'.
-        message: its sentence. Output: the key to write, as '{message}'.
-        failed: path of the node that it comes from. Output: the key to write, as '{failed}'.
+        message: message of that failure. Output: the key to write, as '{message}'.
+        failed: path of the node with that failure. Output: the key to write, as '{failed}'.
         when: cause, or family of causes, and what may cure it
         otherwise: what may cure all other causes
         instead: cause, or family of causes, and what is done in place of `do`, which is not tried again
@@ -631,7 +632,7 @@ class Recover(Node):
     ) -> None: ...
 
 class RecoveryNode(Node):
-    """Runs its first child; when it fails, runs the second, then the first again, as Nav2's.
+    """Runs its first child; when it fails, runs the second, then the first again, as in Nav2.
 
     The first child runs once more than `number_of_retries`. When the second child fails or is skipped, the
     node fails with the first one's cause, the second one's attached. When all retries are used up, it fails
@@ -639,11 +640,11 @@ class RecoveryNode(Node):
     two. `Recover` chooses the handler by the cause.
 
     Ports:
-        number_of_retries: how often the second child may run; at least 0; default 1.
-        attempt: number of the attempt that runs, or failed last: 1, 2, …. Output: the key to write, as '{attempt}'.
+        number_of_retries: maximum number of runs of the second child; at least 0; default 1.
+        attempt: number of the present or last attempt: 1, 2, …. Output: the key to write, as '{attempt}'.
         cause: cause of the failure that is being handled; empty before the first. Output: the key to write, as '{cause}'.
-        message: its sentence. Output: the key to write, as '{message}'.
-        failed: path of the node that it comes from. Output: the key to write, as '{failed}'.
+        message: message of that failure. Output: the key to write, as '{message}'.
+        failed: path of the node with that failure. Output: the key to write, as '{failed}'.
     """
 
     def __init__(
@@ -672,9 +673,9 @@ class Budget(Node):
     them.
 
     Ports:
-        of: the object whose account this is, kept between two runs; without it, an account for each run.
-        tries: how many handlers may run; -1 for any number; at least -1; default -1.
-        time: how long recovery may take; 0 for any time, s; at least 0; default 0.0.
+        of: the object of the account, which is kept between two runs; without it, each run has its own account.
+        tries: maximum number of handlers; -1 for any number; at least -1; default -1.
+        time: maximum simulated time for recovery; 0 for no limit, s; at least 0; default 0.0.
     """
 
     def __init__(
@@ -694,9 +695,9 @@ class ForAttempt(Node):
     are in SI units, without unit.
 
     Ports:
-        attempt: which attempt it is: 1, 2, …; output `attempt` of the Recover; at least 1.
-        values: one for each attempt.
-        value: the one for this attempt. Output: the key to write, as '{value}'.
+        attempt: number of the attempt: 1, 2, …; output `attempt` of the Recover; at least 1.
+        values: values, one for each attempt.
+        value: value for this attempt. Output: the key to write, as '{value}'.
     """
 
     def __init__(
@@ -710,17 +711,17 @@ class ForAttempt(Node):
     ) -> None: ...
 
 class PlanWith(Node):
-    """While its child runs, motions are planned with other seed, budget, clearance or planner.
+    """Plans motions of its child with another seed, budget, clearance or planner.
 
-    It holds for what the child itself plans, and only in its own ticks: however the child ends, everything is
-    planned as before afterwards. Where one stands in the other, budgets multiply, clearances add up, and the
-    inner seed and planner count.
+    The overrides apply only to plans of the child, in the child's ticks. They end with the child, whatever
+    its result. For one `PlanWith` inside another, budgets multiply, clearances add up, and the inner seed and
+    planner count.
 
     Ports:
-        seed: another number, other random trees; 0 for the usual ones; at least 0; default 0.
-        budget: how many times the collision checks that a plan may take otherwise; more than 0, at most 100; default 1.0.
-        clearance: how much more room free motions keep than the usual margins, m; at least 0, at most 0.1; default 0.0.
-        planner: the planner of free motions, as `bit_star`; the usual one unless given.
+        seed: seed of the random trees; 0 for the usual one; at least 0; default 0.
+        budget: multiple of the usual number of collision checks of a plan; more than 0, at most 100; default 1.0.
+        clearance: clearance of free motions beyond the usual margins, m; at least 0, at most 0.1; default 0.0.
+        planner: planner of free motions, such as `bit_star`; by default the usual one.
     """
 
     def __init__(
@@ -739,7 +740,7 @@ class CauseIs(Node):
 
     Ports:
         cause: the cause that is being handled: output `cause` of the Recover.
-        of: causes, or families as `grasp.*`.
+        of: causes, or families such as `grasp.*`.
     """
 
     def __init__(
@@ -752,7 +753,7 @@ class CauseIs(Node):
     ) -> None: ...
 
 class WouldLookingHelp(Node):
-    """Whether another look may help: something is not where it was believed to be, or was not seen well.
+    """Whether another look may help: an object was not at its believed place, or was not seen well.
 
     Ports:
         cause: the cause that is being handled: output `cause` of the Recover.
@@ -767,7 +768,8 @@ class WouldLookingHelp(Node):
     ) -> None: ...
 
 class WouldARetreatHelp(Node):
-    """Whether getting clear may help: a safety stop waits to be acknowledged, or the arm stands too near.
+    """Whether a retreat may help: a safety stop waits to be acknowledged, or the arm is too near an
+    obstacle.
 
     Ports:
         cause: the cause that is being handled: output `cause` of the Recover.
@@ -782,7 +784,7 @@ class WouldARetreatHelp(Node):
     ) -> None: ...
 
 class WouldAnotherGraspHelp(Node):
-    """Whether to take hold of the object elsewhere, or anew, may help.
+    """Whether another grasp may help, at another place or after a new look.
 
     Ports:
         cause: the cause that is being handled: output `cause` of the Recover.
@@ -797,7 +799,7 @@ class WouldAnotherGraspHelp(Node):
     ) -> None: ...
 
 class WouldAGripperResetHelp(Node):
-    """Whether opening and closing the empty fingers may help: they did not do what they were told to.
+    """Whether a gripper reset may help: the empty fingers did not follow a command.
 
     Ports:
         cause: the cause that is being handled: output `cause` of the Recover.
@@ -827,7 +829,7 @@ class WouldReplanningHelp(Node):
     ) -> None: ...
 
 class WouldPushingHelp(Node):
-    """Whether pushing the object free may help: the hand does not fit around it where it lies.
+    """Whether pushing the object free may help: the hand does not fit around it at its place.
 
     Ports:
         cause: the cause that is being handled: output `cause` of the Recover.
@@ -842,7 +844,8 @@ class WouldPushingHelp(Node):
     ) -> None: ...
 
 class WouldWaitingHelp(Node):
-    """Whether time alone may help: a sensor, a camera or the arm may come to itself, what rolls may lie.
+    """Whether waiting may help: a sensor, a camera or the arm may recover, and a rolling object may come to
+    rest.
 
     Ports:
         cause: the cause that is being handled: output `cause` of the Recover.
@@ -863,8 +866,8 @@ class FreeSpot(Node):
     it was offered once, another one. `Place` with `at` puts the object there.
 
     Ports:
-        object: what the hand holds.
-        at: the place of its underside: x, y, z in the world, m. Output: the key to write, as '{at}'.
+        object: the held object.
+        at: place of its underside: x, y, z in the world, m. Output: the key to write, as '{at}'.
     """
 
     def __init__(
@@ -884,8 +887,8 @@ class LookAround(Node):
     that gives no picture, or a pose that cannot be reached, is passed over while another is left.
 
     Ports:
-        expect: what is looked for; without it, all cameras look once.
-        objects: ids of the items that do not lie where they belong, in the order to take them. Output: the key to write, as '{objects}'.
+        expect: the object to look for; without it, all cameras look once.
+        objects: ids of the items outside their destination, in the order to take them. Output: the key to write, as '{objects}'.
     """
 
     def __init__(
@@ -898,16 +901,16 @@ class LookAround(Node):
     ) -> None: ...
 
 class ResetGripper(Node):
-    """Open the fingers, close them, open them again, and measure each time whether they did.
+    """Open the fingers, close them, open them again, and measure the opening each time.
 
-    For a gripper that did not do what it was told to. Between two tries it waits, since what jams may come
-    free by itself. The hand must be empty; with `drop` what is held is let go first, where the hand is.
+    For a gripper that did not follow a command. Between two tries it waits, since a jam may clear by itself.
+    The hand must be empty; with `drop` it releases a held object first, at its present place.
 
     Ports:
-        drop: whether to let go first of what the hand holds, where it is; default False.
-        tries: how often the fingers are moved to and fro; at least 1, at most 20; default 3.
+        drop: whether a held object is released first, at its present place; default False.
+        tries: number of times that the fingers close and open; at least 1, at most 20; default 3.
         wait: time between two tries, s; at least 0; default 2.0.
-        force: with which each finger closes, N; more than 0; default 10.0.
+        force: grip force of each finger, N; more than 0; default 10.0.
     """
 
     def __init__(
@@ -926,12 +929,12 @@ class SafeRetreat(Node):
 
     Where the arm is believed to be in contact, it moves slowly in the direction that reduces the depth
     fastest, the whole arm considered. It gives way to contact at any part of the arm, and tries another
-    direction. When there is no safe way it fails with what was tried, and stays where it is.
+    direction. Without a safe path it fails with the list of attempts, and the arm stays in place.
 
     Ports:
         pose: named pose of the robot to end in; default home.
-        hand: a held object: keep it, open the hand and drop it where it is, or put it down on a free spot below on the way; default keep.
-        speed: share of the joints' speed limits: 1 for as fast as allowed; nothing goes faster than 0.25 m/s; more than 0, at most 1; default 0.4.
+        hand: treatment of a held object: keep it, open the hand and drop it here, or put it down on a free spot below on the way; default keep.
+        speed: share of the joints' speed limits: 1 for the full limits; no part moves faster than 0.25 m/s; more than 0, at most 1; default 0.4.
     """
 
     def __init__(
@@ -952,7 +955,7 @@ class SetAside(Node):
 
     Ports:
         object: the item to give up, which is not in the hand.
-        after: which time it is given up indeed; before that it is counted; at least 1; default 1.
+        after: number of the call that gives the item up; earlier calls are only counted; at least 1; default 1.
     """
 
     def __init__(
@@ -967,13 +970,13 @@ class SetAside(Node):
 class Observe(Node):
     """Look through a camera; list the items that are to be taken somewhere.
 
-    What the hand holds comes first: nothing else can be grasped before. The others follow in an order that
-    keeps the travel of the empty hand short.
+    A held object comes first, since the hand can grasp nothing else before. The other items follow in an
+    order that keeps the travel of the empty hand short.
 
     Ports:
         camera: the camera to look through; default overhead.
-        expect: fail when this object is not in view; without it, whatever is seen will do.
-        objects: ids of the items that do not lie where they belong, in the order to take them. Output: the key to write, as '{objects}'.
+        expect: object that must be in view, else the node fails; without it, any view will do.
+        objects: ids of the items outside their destination, in the order to take them. Output: the key to write, as '{objects}'.
     """
 
     def __init__(
@@ -998,10 +1001,10 @@ class Grasp(Node):
 
     Ports:
         object: the object to grasp.
-        force: greatest grip force of each finger: it presses as weight and friction need, but never harder than this, than the item bears (`force_limit`) or than the gripper can, N; more than 0; default 70.0.
-        speed: share of the joints' speed limits: 1 for as fast as allowed; more than 0, at most 1; default 1.0.
-        onward: whether the object is carried on towards where it belongs, for a `Place` that follows at once: lift and transfer are one motion then; the arm stops by itself when none does; default True.
-        servo: whether the hand stops over the object and corrects its way by what the camera on it sees, where there is one; default True.
+        force: maximum grip force of each finger: the applied force follows from weight and friction, and is limited by this, by the item (`force_limit`) and by the gripper, N; more than 0; default 70.0.
+        speed: share of the joints' speed limits: 1 for the full limits; more than 0, at most 1; default 1.0.
+        onward: whether lift and transfer to the destination are one motion, for a `Place` that follows at once; the arm stops by itself when no `Place` follows; default True.
+        servo: whether the hand stops over the object and corrects the grasp by an image of the hand camera, if it has one; default True.
     """
 
     def __init__(
@@ -1019,9 +1022,9 @@ class Grasp(Node):
 class PickAny(Node):
     """Pick some thing out of a tote or a pile, without knowing its shape, size or weight.
 
-    The camera maps the heights of what lies there. The hand's shape is swept over the map: vertical
-    grasps come first, then tilted ones, then looser demands. What the wrist feels after the lift tells
-    whether something is held. The thing is then an object of the belief with its hull, colour and weight, for
+    The camera maps the heights of the heap. The hand's shape is swept over the map: vertical grasps come
+    first, then tilted ones, then looser demands. The weight at the wrist after the lift shows whether
+    something is held. The thing then becomes an object of the belief with hull, colour and weight, for
     `Place`. A thing that the hand holds already is kept. A place where a grasp has failed is left out until
     the depth there changes.
 
@@ -1029,9 +1032,9 @@ class PickAny(Node):
         from_: the tote, or the fixture with a pile, to pick from.
         out: id of the thing in the hand. Output: the key to write, as '{out}'.
         camera: the camera that sees the heap; default overhead.
-        force: grip force of each finger at most, N; more than 0; default 30.0.
-        attempts: grasps that are tried, with a look before each; at least 1; default 3.
-        speed: share of the joints' speed limits: 1 for as fast as allowed; more than 0, at most 1; default 1.0.
+        force: maximum grip force of each finger, N; more than 0; default 30.0.
+        attempts: maximum number of grasps, with a look before each; at least 1; default 3.
+        speed: share of the joints' speed limits: 1 for the full limits; more than 0, at most 1; default 1.0.
     """
 
     def __init__(
@@ -1053,15 +1056,15 @@ class Present(Node):
     The camera sees it from both sides of the hand, as far as the arm gets there. The pose follows from the
     camera's place and field of view; the fingers are beside the thing, so that they do not hide it. Two
     different tags, or surfaces of two colours, show that more than one thing is in the hand: the skill fails
-    with `grasp.double`, and the hand still holds them. What is learnt is kept for a thing that nobody has
-    catalogued; an object of a known kind is only looked at.
+    with `grasp.double`, and the hand still holds them. The result is stored only for a thing that is not in
+    the catalogue; an object of a known kind is only looked at.
 
     Ports:
         object: the object to present, which the hand holds.
         camera: the fixed camera to hold it before; default overhead.
-        looks: looks at most: 2 for both sides of the hand; at least 1, at most 2; default 2.
-        until_classified: whether it ends as soon as the scene's `destinations` know what they ask for; at once when they do already; default False.
-        speed: share of the joints' speed limits: 1 for as fast as allowed; more than 0, at most 1; default 0.5.
+        looks: maximum number of looks: 2 for both sides of the hand; at least 1, at most 2; default 2.
+        until_classified: whether it ends as soon as the properties in the scene's `destinations` are known, without a look if they are known before; default False.
+        speed: share of the joints' speed limits: 1 for the full limits; more than 0, at most 1; default 0.5.
     """
 
     def __init__(
@@ -1079,14 +1082,14 @@ class Present(Node):
 class Place(Node):
     """Place the held object into a bin, over the lowest part of its heap, or down at a point.
 
-    The hold is felt again before the release, and that the hand is empty after it. What is placed into a tote
-    with a heap is a part of the heap again, and does not count as done.
+    The skill checks the hold before the release, and the empty hand after it. An object placed into a tote
+    with a heap becomes part of the heap again and does not count as done.
 
     Ports:
         object: the object to place, which the hand holds.
         into: the bin to place it into; not needed with `at`.
-        at: where its underside is put down, instead of `into`: x, y, z in the world, m.
-        speed: share of the joints' speed limits: 1 for as fast as allowed; more than 0, at most 1; default 1.0.
+        at: place of its underside, instead of `into`: x, y, z in the world, m.
+        speed: share of the joints' speed limits: 1 for the full limits; more than 0, at most 1; default 1.0.
     """
 
     def __init__(
@@ -1109,15 +1112,15 @@ class Insert(Node):
 
     Ports:
         object: the object to insert, which the hand holds.
-        into: the hole, or the fixture of whose free holes it takes the closest fit; by default where the object belongs.
-        search: how the mouth is searched: `tilt`, with the object leaning and one point of it first, after it a spiral; `spiral`, upright over the surface; `none`: straight down; default tilt.
-        force: presses the object into the hole, N; more than 0, at most 40; default 15.0.
-        press: presses the object onto the surface while searching, N; more than 0, at most 25; default 8.0.
-        grip: of each finger while inserting; never more than the object bears, N; more than 0; default 30.0.
-        depth: how deep the object is to go; 0 for down to the bottom, m; at least 0; default 0.0.
-        pitch: between two turns of the spiral, m; more than 0; default 0.001.
-        attempts: how often a search may begin anew, each time otherwise; at least 1, at most 10; default 3.
-        speed: share of the joints' speed limits on the way there: 1 for as fast as allowed; more than 0, at most 1; default 1.0.
+        into: the hole, or a fixture, whose free hole with the closest fit is used; by default the destination of the object.
+        search: search for the mouth: `tilt`, with a tilted object and one point of it first, then a spiral; `spiral`, upright over the surface; `none`, straight down; default tilt.
+        force: force of the object into the hole, N; more than 0, at most 40; default 15.0.
+        press: force of the object on the surface during the search, N; more than 0, at most 25; default 8.0.
+        grip: grip force of each finger during the insertion; limited by `force_limit` of the item, N; more than 0; default 30.0.
+        depth: depth of the insertion; 0 for down to the bottom, m; at least 0; default 0.0.
+        pitch: distance between two turns of the spiral, m; more than 0; default 0.001.
+        attempts: maximum number of searches, each with other parameters; at least 1, at most 10; default 3.
+        speed: share of the joints' speed limits on the way to the hole: 1 for the full limits; more than 0, at most 1; default 1.0.
     """
 
     def __init__(
@@ -1141,23 +1144,23 @@ class Push(Node):
     """Push an object over the table: to a place (`to`, `yaw`), along a line (`direction`, `distance`), or so
     that it can be grasped (`singulate`).
 
-    The closed fingers push at a flat side, the opened ones hold what is round between them. After each stroke
-    the arm goes out of the view and looks; the next stroke begins from what is seen and felt. What is pushed
-    stays away from the edge of its table, and from everything else; to make room, what stands around is
-    pushed along.
+    The closed fingers push at a flat side; the opened ones hold a round object between them. After each
+    stroke the arm leaves the view and the camera looks; the next stroke starts from the pose that image and
+    contact gave. A pushed object keeps away from the edge of its table and from other bodies. With
+    `singulate`, its neighbours may be pushed along.
 
     Ports:
-        object: the object to push, or to make room around; with `singulate` and without it the one that stands closest to others, and what nobody has recognised first.
-        to: where its middle is to be: x, y in the world, m.
-        yaw: its heading there, as seen from above, of what looks the same the nearest one; any unless given, rad.
-        direction: of a push along a line: x, y in the world, of any length.
-        distance: of a push along a line, m; at least 0, at most 1; default 0.0.
-        singulate: push it, or what stands around it, until the hand fits around it; nothing is pushed when it does; default False.
-        tolerance: how far off its middle may be in the end, m; more than 0; default 0.0015.
-        turned: how far off its heading may be in the end, rad; more than 0; default 0.026179938779914945.
-        strokes: how many strokes it may take; at least 1, at most 50; default 8.
-        speed: of the tool while it pushes, m/s; more than 0, at most 0.2; default 0.05.
-        force: of the object on the tool that stops a stroke, N; more than 0; default 15.0.
+        object: the object to push, or to make room around; by default, with `singulate`, the one closest to others, unrecognised objects first.
+        to: goal of its middle: x, y in the world, m.
+        yaw: goal of its heading, as seen from above; a symmetric object takes the nearest equal heading; by default any, rad.
+        direction: direction of a push along a line: x, y in the world, of any length.
+        distance: length of a push along a line, m; at least 0, at most 1; default 0.0.
+        singulate: whether to push it, or its neighbours, until the hand fits around it; without a push when it fits already; default False.
+        tolerance: maximum distance of its middle from the goal, m; more than 0; default 0.0015.
+        turned: maximum angle of its heading from the goal, rad; more than 0; default 0.026179938779914945.
+        strokes: maximum number of strokes; at least 1, at most 50; default 8.
+        speed: speed of the tool during a push, m/s; more than 0, at most 0.2; default 0.05.
+        force: contact force on the tool that stops a stroke, N; more than 0; default 15.0.
         camera: the camera to look through; default overhead.
     """
 
@@ -1183,16 +1186,16 @@ class Push(Node):
 class Stir(Node):
     """Push through the heap in a tote with closed or open fingers, for when nothing in it can be grasped.
 
-    The strokes are planned from the height map. What lies against a wall is pushed off it; otherwise a stroke
-    goes through the highest part. After each the arm moves out of the view and looks. A stroke that changed
-    nothing is not repeated. Grasps that failed where the depth has changed may be tried again.
+    The strokes are planned from the height map. Things against a wall are pushed away from it; otherwise a
+    stroke goes through the highest part. After each the arm moves out of the view and looks. A stroke that
+    changed nothing is not repeated. Grasps that failed where the depth has changed may be tried again.
 
     Ports:
         in_: the tote to stir in.
         camera: the camera that sees into the tote; default overhead.
-        strokes: strokes that are tried until things lie elsewhere; at least 1, at most 20; default 4.
-        speed: of the tool while it pushes, m/s; more than 0, at most 0.2; default 0.08.
-        force: of the things on the tool that stops a stroke, N; more than 0; default 15.0.
+        strokes: maximum number of strokes until the heap has changed; at least 1, at most 20; default 4.
+        speed: speed of the tool during a push, m/s; more than 0, at most 0.2; default 0.08.
+        force: contact force on the tool that stops a stroke, N; more than 0; default 15.0.
     """
 
     def __init__(
@@ -1210,11 +1213,11 @@ class Stir(Node):
 class GoTo(Node):
     """Move the arm, free of collisions, to a named configuration of the robot file.
 
-    What is seen to come into its way meanwhile stops it, and it plans anew.
+    When the camera shows a new obstacle in its path, the arm stops and replans.
 
     Ports:
         pose: named pose of the robot; default home.
-        speed: share of the joints' speed limits: 1 for as fast as allowed; more than 0, at most 1; default 1.0.
+        speed: share of the joints' speed limits: 1 for the full limits; more than 0, at most 1; default 1.0.
     """
 
     def __init__(
@@ -1227,10 +1230,10 @@ class GoTo(Node):
     ) -> None: ...
 
 class OpenGripper(Node):
-    """Open the fingers; what they held is believed to be gone from the hand.
+    """Open the fingers; a held object is removed from the hand in the belief.
 
     Ports:
-        width: opening between the fingers; 0 for as wide as they go, m; at least 0; default 0.0.
+        width: opening between the fingers; 0 for the full opening, m; at least 0; default 0.0.
     """
 
     def __init__(
@@ -1259,16 +1262,16 @@ class CloseGripper(Node):
     ) -> None: ...
 
 class AwaitItems(Node):
-    """Tell the feed that the robot is ready for more, and wait until something has come.
+    """Signal the feed that the robot is ready for more items, and wait for a delivery.
 
-    SUCCESS when something was set down since the robot last looked or waited, or when the feed is exhausted:
-    the fact `feed_exhausted` tells which. What came, and where it lies, only a camera says: observe next. The
-    arm must be out of the feed's way, for nothing is set down below it, and no belt runs there. What is
-    believed on a belt is forgotten, for it rides on.
+    SUCCESS when items were set down since the last look or wait, or when the feed is exhausted (fact
+    `feed_exhausted`). Only a camera finds kind and place of new items: observe next. The arm must be out of
+    the feed's way: nothing is set down below it, and no belt runs there. Objects on a belt are removed from
+    the belief, since the belt moves them.
 
     Ports:
-        longest: how long it waits at most, s; more than 0; default 120.0.
-        clearance: how long the feed may wait for the arm to leave before it fails, s; at least 0; default 5.0.
+        longest: maximum waiting time, s; more than 0; default 120.0.
+        clearance: maximum time that the feed waits for the arm to leave, before the node fails, s; at least 0; default 5.0.
     """
 
     def __init__(
@@ -1281,18 +1284,18 @@ class AwaitItems(Node):
     ) -> None: ...
 
 class ExchangeBin(Node):
-    """Ask for an empty bin in a full one's place, and wait until it stands there. A tote into which the feed
-    of the scene pours comes back full, until all has come.
+    """Request an empty bin in place of a full one, and wait until it is there. A tote that the feed of the
+    scene fills comes back full, as long as items are left.
 
-    With `fill` it asks only for a bin whose heap, as seen, is at least so high, and succeeds at once for
-    another. What was believed to lie in the bin goes with it. The arm must be clear of the bin, also with an
-    item in the hand: nobody reaches below it.
+    With `fill` it requests an exchange only for a bin whose heap, as seen, is at least that high; for any
+    other bin it succeeds at once. The content of the bin is removed from the belief. The arm must be clear of
+    the bin, and so must a held item: bins are not exchanged below the arm.
 
     Ports:
-        bin: the bin that is to be exchanged.
-        fill: ask only when the heap is so high, as a share of the bin's depth; 0 for always; at least 0, at most 1; default 0.0.
-        longest: how long it waits at most, s; more than 0; default 120.0.
-        clearance: how long somebody may wait for the arm to leave before it fails, s; at least 0; default 5.0.
+        bin: the bin to exchange.
+        fill: least height of the heap for an exchange, as a share of the bin's depth; 0 for any height; at least 0, at most 1; default 0.0.
+        longest: maximum waiting time, s; more than 0; default 120.0.
+        clearance: maximum time that the exchange waits for the arm to leave, before the node fails, s; at least 0; default 5.0.
     """
 
     def __init__(
@@ -1314,15 +1317,15 @@ class Jog(Node):
     succeed` a stop is a success, and `stopped_by` names its reason.
 
     Ports:
-        velocity: of the tool's centre point along x, y, z, m/s; default [0.0, 0.0, 0.0].
-        turn: of the tool about x, y, z, rad/s; default [0.0, 0.0, 0.0].
-        frame: whose axes these are; default world.
-        duration: how long; 0 for as long as nothing stops it, s; at least 0; default 0.0.
-        distance: how far; 0 for as far as nothing stops it, m; at least 0; default 0.0.
-        guard: contact force that stops it, N; more than 0; default 25.0.
-        when_stopped: what it comes to when something stops it before time and distance are over; default fail.
-        stopped_by: `done`, `contact`, `collision`, `joint_limit`, `singularity` or `workspace`. Output: the key to write, as '{stopped_by}'.
-        travelled: way of the tool's centre point, m. Output: the key to write, as '{travelled}'.
+        velocity: velocity of the tool's centre point along x, y, z, m/s; default [0.0, 0.0, 0.0].
+        turn: angular velocity of the tool about x, y, z, rad/s; default [0.0, 0.0, 0.0].
+        frame: frame of these axes; default world.
+        duration: duration of the jog; 0 for no limit, s; at least 0; default 0.0.
+        distance: distance of the jog; 0 for no limit, m; at least 0; default 0.0.
+        guard: contact force that stops the jog, N; more than 0; default 25.0.
+        when_stopped: result when the jog is stopped before its time or distance is over; default fail.
+        stopped_by: reason of the end: `done`, `contact`, `collision`, `joint_limit`, `singularity` or `workspace`. Output: the key to write, as '{stopped_by}'.
+        travelled: path length of the tool's centre point, m. Output: the key to write, as '{travelled}'.
     """
 
     def __init__(
@@ -1351,8 +1354,8 @@ class Survey(Node):
     Ports:
         target: the fixture with `marker`; default target.
         camera: the camera to look through; default wrist.
-        views: places to look from, of a camera on the hand; at least 4, at most 100; default 12.
-        pictures: how many to average, of a camera that hangs still; at least 1, at most 1000; default 50.
+        views: number of viewpoints of a camera on the hand; at least 4, at most 100; default 12.
+        pictures: number of images to average for a fixed camera; at least 1, at most 1000; default 50.
     """
 
     def __init__(
@@ -1369,9 +1372,9 @@ class Survey(Node):
 class TouchTarget(Node):
     """Touch the faces of a target with the tips of the closed fingers, upright, turned and leaning.
 
-    Each touch is recorded: where the tool was by the encoders, and the force. What is out of reach is passed
-    over. Nothing is corrected yet: `picktree calibrate` finds out from it where the tool's centre point is,
-    and where the target stands.
+    Each touch is recorded with the tool's pose by the encoders and the force. Faces out of reach are skipped.
+    The skill corrects nothing: `picktree calibrate` estimates the tool's centre point and the target's pose
+    from the touches.
 
     Ports:
         target: the fixture with `marker`; default target.
@@ -1388,15 +1391,15 @@ class TouchTarget(Node):
 class WatchScene(Node):
     """Looks through a camera at intervals while its child runs, whether the arm moves or not.
 
-    The belief learns of each picture when the camera's time of thinking is over; the child does not wait for
-    it. What the arm or what it holds hides stays believed. So a motion notices what comes into its way, and
-    `Grasp` that its object was moved. While something is taken or let go, for 0.25 s after a grasp and 0.5 s
-    after a release, no picture is taken.
+    Each picture updates the belief when the camera's time of thinking is over; the child does not wait for
+    it. Objects hidden by the arm or by the held object stay believed. So a motion detects a new obstacle in
+    its path, and `Grasp` a moved object. No picture is taken during a grasp or a release, for 0.25 s after a
+    grasp, and for 0.5 s after a release.
 
     Ports:
         camera: the camera to look through; default overhead.
         every: time between two pictures, s; at least 0.05; default 0.5.
-        blind: how long pictures may fail to come before the child is halted and the node fails with what the camera said, s; at least 0; default 2.0.
+        blind: maximum time without a picture; after it the child is halted, and the node fails with the camera's failure, s; at least 0; default 2.0.
     """
 
     def __init__(

@@ -135,8 +135,8 @@ def test_what_fits_is_quiet(wired: str) -> None:
         ("count: '{=}'", "P225 7:25: port 'count': the expression is empty"),
         ("count: '{n + 1}'", "P221 7:22: port 'count': '{n + 1}' is not a reference (an expression begins "
          "with '=': \"{= n + 1}\")"),
-        ("length: '{= 3 mm}'", "P225 7:29: port 'length': not an expression: numbers are written without units "
-         "here, in SI; leave out 'mm'"),
+        ("length: '{= 3 mm}'", "P225 7:29: port 'length': not an expression: numbers are written without "
+         "units here, in SI; leave out 'mm'"),
         ("_skipIf: \"o.colour == 'rde'\"", "P226 7:37: _skipIf: this is never 'rde'; did you mean 'red'?"),
         ("_skipIf: 'o.colour == ''rde'''", "P226 7:24: _skipIf: this is never 'rde'; did you mean 'red'?, "
          "at character 13 of \"o.colour == 'rde'\""),

@@ -14,7 +14,7 @@ export interface TextFile {
   version: string;
 }
 
-// Row of one run. None: the log has no result, or does not say.
+// Row of one run. None: the log has no result, or lacks the value.
 export interface RunRow {
   folder: string;
   log: string;
@@ -37,7 +37,7 @@ export interface RunRow {
   message: string;
 }
 
-// One cell of the matrix.
+// Cell of the matrix: one variant with its cost.
 export interface VariantForecast {
   label: string;
   mission: string;
@@ -59,7 +59,7 @@ export interface BatchForecast {
   workers: number;
 }
 
-// One input or output.
+// Input or output.
 export interface PortEntry {
   key: string;
   direction: string;
