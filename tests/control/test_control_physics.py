@@ -101,27 +101,6 @@ def test_the_reflex_to_a_contact_carries_what_the_hand_holds() -> None:
     assert one.hardware.true_tcp().distance(begin) < 2e-3
 
 
-def test_guarded_move_presses() -> None:
-    one = cell()
-    one.go(0.5, 0.1, 0.03)
-    result = one.run(one.move.guarded((0.0, 0.0, -1.0), 0.08, force=4.0, speed=0.05, press=8.0))
-    assert result.contact
-    assert 3.0 < one.loop.wrench_external().force[2] < 20.0
-
-
-def test_guard_stops_a_slow_motion_without_a_safety_stop() -> None:
-    one = cell()
-    one.go(0.5, 0.1, 0.05)
-    start = one.loop.held_position
-    into = swing(start, reach(Pose((0.5, 0.1, -0.02), DOWN), start), 3.0)
-    with pytest.raises(Failure, match=r"^world.disturbed: touched something at \d+ N on a free way"):
-        one.run(one.move.along(into, guard=25.0))
-    assert one.loop.at_rest
-    one.run(one.loop.settle())
-    assert one.loop.wrench_external().magnitude() < 10.0
-    assert one.monitor.stopped is None
-
-
 def test_collision_at_speed_latches_and_is_left_again() -> None:
     one = cell()
     one.go(0.5, 0.1, 0.10)
