@@ -23,28 +23,6 @@ def cell(items: int = 0) -> Cell:
     return Cell(items, backend=PhysicsHardware)
 
 
-def test_tracking_accuracy() -> None:
-    one = cell()
-    goal = HOME + np.array([0.8, 0.3, -0.4, 0.3, 0.2, -0.3, 0.5])
-    one.loop.step_tick(0.05)
-    trajectory = swing(HOME, goal, 1.2)
-    doing = one.move.along(trajectory, guard=25.0)
-    next(doing)
-    begin = one.hardware.clock.now
-    worst = 0.0
-    while True:
-        for _ in range(12):
-            one.loop.step()
-            wanted, _ = trajectory.sample(one.hardware.clock.now - begin)
-            worst = max(worst, float(np.abs(one.hardware.arm.read().position - wanted).max()))
-        try:
-            next(doing)
-        except StopIteration:
-            break
-    assert worst < 2e-3
-    np.testing.assert_allclose(one.loop.state.position, goal, atol=3e-4)
-
-
 @pytest.mark.parametrize("linear", [600.0, 1500.0, 3000.0])
 def test_impedance_at_rest_stays_put(linear: float) -> None:
     one = cell()

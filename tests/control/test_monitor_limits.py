@@ -194,6 +194,10 @@ def carries(watch: SafetyMonitor, by: float) -> object:
     return watch.check_load(watch.most_load + 0.1 + by)
 
 
+def falls_silent(watch: SafetyMonitor, by: float) -> object:
+    return watch.check_sensors(2.0, SensorStamps(2.0, 2.0, 1.0))
+
+
 SLACKS = [
     (pressed, "safety.force_limit", 5.0, 20.0),
     (outside, "safety.workspace", 0.005, 0.05),
@@ -311,8 +315,8 @@ def test_the_wrist_may_repeat_itself_for_a_tenth_of_a_second() -> None:
 
 def test_after_a_silence_of_the_wrist_the_full_speed_is_allowed_again() -> None:
     fast = one(2, 0.6 * MODEL.velocity_limit[2])
-    watch, twin, other = monitor(), monitor(), monitor()
-    watch.check_sensors(2.0, SensorStamps(2.0, 2.0, 1.0))
+    watch, twin = monitor(), monitor()
+    falls_silent(watch, 0.0)
     watch.acknowledge("retreat")
     assert watch.blind
     twin.restore(watch.state())
@@ -325,9 +329,13 @@ def test_after_a_silence_of_the_wrist_the_full_speed_is_allowed_again() -> None:
         blind.check_sensors(2.1, SensorStamps(2.1, 2.1, 2.1))
         assert not blind.blind
         assert not reads(blind, velocity=fast)
-    outside(other, 0.1)
-    retreats(other)
-    assert not reads(other, velocity=fast), "nothing but the wrist makes a retreat slow"
+    for stops, speaks in ((outside, False), (falls_silent, True)):
+        other = monitor()
+        stops(other, 0.1)
+        retreats(other)
+        if speaks:
+            other.check_sensors(2.1, SensorStamps(2.1, 2.1, 2.1))
+        assert not reads(other, velocity=fast), "nothing but a silent wrist makes a retreat slow"
 
 
 def test_without_a_sign_of_life_whoever_moves_the_arm_is_named() -> None:
@@ -366,6 +374,9 @@ def test_all_of_it_is_saved_and_restored() -> None:
     old = replace(watch.state(), overloaded=(), unexplained=())
     twin.restore(old)
     assert twin.state().overloaded == twin.state().unexplained == (0.0,) * 7
+    pressed(watch, 20.0)
+    twin.restore(watch.state())
+    assert twin.pressed
     twin.restore(monitor().state())
     assert (twin.state(), twin.pressed) == (monitor().state(), False)
 

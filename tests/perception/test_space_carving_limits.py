@@ -369,6 +369,12 @@ def test_where_no_depth_is_known_nothing_passes() -> None:
     assert not kept(synthetic_view(depth, reach=np.full((HIGH, WIDE), np.inf)))
 
 
+def test_what_is_at_the_camera_or_behind_it_stays() -> None:
+    reach = synthetic_view(reach=np.full((HIGH, WIDE), 2.0))
+    for z, clears in ((0.93, True), (0.97, False), (1.05, False)):
+        assert kept(reach, cell_keys(np.array([[0, 0, round(z / 0.02 - 0.5)]]))) is not clears
+
+
 def hanging(reach: Array, depth: Array | float = HEIGHT) -> set[int]:
     """Layers that a patch at pixel (14, 39), 11 cm above the table, takes up at the cell of its middle."""
     view = synthetic_view(depth, reach=reach)
@@ -404,18 +410,18 @@ def test_where_three_tenths_of_its_depths_are_unknown_nothing_is_said_of_a_cell(
 
 
 def test_many_cells_at_once_are_judged_as_each_by_itself() -> None:
-    """Against the definition, cell by cell, with cells in the picture, out of it and behind the camera."""
+    """Against the definition, cell by cell, with cells all over the picture and out of it."""
     rng = np.random.default_rng(4)
-    cells = cell_keys(rng.integers((-40, -30, -3), (40, 30, 53), (3000, 3)))
+    cells = cell_keys(rng.integers((-40, -30, -3), (40, 30, 48), (3000, 3)))
     for low in (0.02, 0.2):
         reach = np.where(rng.random((HIGH, WIDE)) < low, rng.uniform(0.1, 1.0, (HIGH, WIDE)), 1.3)
         reach = reach.astype(np.float32)
         passed = []
         for x, y, z in cell_centres(cells):
             depth = 1.0 - z
-            u, v = (round(30 + 100 * x / depth), round(20 - 100 * y / depth)) if depth > 0.05 else (-1, -1)
+            u, v = round(30 + 100 * x / depth), round(20 - 100 * y / depth)
             near = reach[max(v - 1, 0) : v + 2, max(u - 1, 0) : u + 2].min(initial=9.0)
-            seen = 0 <= u < WIDE and 0 <= v < HIGH
+            seen = 0 <= u < WIDE and 0 <= v < HIGH and depth > 0.05
             passed.append(bool(seen and near > depth + 2.5 * 0.002 * (depth / 0.7) ** 2))
         assert 100 < sum(passed) < len(cells) - 100
         assert np.array_equal(retained_cells(synthetic_view(reach=reach), cells), cells[~np.array(passed)])
