@@ -102,7 +102,7 @@ def test_what_is_not_there_is_told() -> None:
             "perception.not_found: blue_can_7 is not in the view of overhead",
         ),
         ("Observe: {camera: wrist}", "perception.not_found: there is no camera 'wrist'"),
-        ("Grasp: {object: red_can_1}", "world.unknown_object: no object 'red_can_1' in the planning scene"),
+        ("Grasp: {object: red_can_9}", "world.unknown_object: no object 'red_can_9' in the planning scene"),
         (f"Place: {{object: {block}, into: red_bin}}", f"grasp.slipped: {block} is not in the hand"),
     ):
         assert cell.do(body) == told
