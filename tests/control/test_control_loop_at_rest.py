@@ -49,6 +49,16 @@ def test_what_is_moved_is_not_at_rest_however_slowly() -> None:
     assert not cell.loop.wrist.zeroed
 
 
+def test_a_hand_that_is_not_at_rest_is_only_tared() -> None:
+    cell, readings = scripted()
+    readings.force = np.array([0.0, 0.0, -2.0])
+    steps(cell, 20)
+    assert cell.loop.load() == pytest.approx(2.0)
+    assert not cell.loop.zero()
+    assert not cell.loop.wrist.zeroed
+    assert cell.loop.load() == pytest.approx(0.0)
+
+
 def borne(force: Array) -> Array:
     """Torques of the joints that bear a force (3,) on the hand, at HOME, Nm."""
     return -flange_jacobian(HOME)[:3].T @ force
