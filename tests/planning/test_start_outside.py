@@ -103,7 +103,7 @@ def test_a_joint_beyond_its_limit_by_any_amount_comes_back_or_is_named(
     )
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(
     st.sampled_from([0, 1, 2]),
     st.booleans(),
