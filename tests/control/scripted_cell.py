@@ -89,3 +89,19 @@ def moving() -> tuple[Cell, Readings, TrajectoryController, Lease]:
     lease.run(track)
     steps(cell, 1)
     return cell, readings, track, lease
+
+
+def flange_jacobian(q: Array) -> Array:
+    """(6, n) about the sensor, world axes, by finite differences."""
+    rows = np.zeros((6, 7))
+    for k in range(7):
+        step = 1e-6 * np.eye(7)[k]
+        ahead, behind = MODEL.flange(q + step), MODEL.flange(q - step)
+        rows[:3, k] = np.subtract(ahead.position, behind.position) / 2e-6
+        turn = (ahead.rotation() @ behind.rotation().T) / 2e-6
+        rows[3:, k] = (
+            (turn[2, 1] - turn[1, 2]) / 2,
+            (turn[0, 2] - turn[2, 0]) / 2,
+            (turn[1, 0] - turn[0, 1]) / 2,
+        )
+    return rows

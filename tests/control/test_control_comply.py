@@ -43,7 +43,7 @@ def press(cell: Cell, course: CompliantMotion, rate: int) -> Generator[None, Non
         return (yield from cell.move.comply(course, 3.0, stiffness=DOWN_FREE))
 
 
-@pytest.mark.parametrize("rate", [240, 500, 1000])
+@pytest.mark.parametrize("rate", [240, 1000])
 def test_without_stiffness_along_an_axis_the_wrench_is_the_force(rate: int) -> None:
     cell = physics()
     cell.go(0.5, 0.1, 0.02)
@@ -104,17 +104,6 @@ def test_taking_over_from_the_spring_makes_no_step() -> None:
     assert (change < cell.model.acceleration_limit).all()
     lease.release()
     cell.rest()
-
-
-def test_what_happens_in_contact_is_the_same_each_time() -> None:
-    ends: list[tuple[float, ...]] = []
-    for _ in range(2):
-        cell = physics()
-        cell.go(0.5, 0.1, 0.02)
-        cell.run(press(cell, Press(8.0, 0.6, aside=0.01), 500))
-        cell.go(0.5, 0.1, 0.1)
-        ends.append((cell.loop.now, *cell.loop.state.position.tolist()))
-    assert ends[0] == ends[1]
 
 
 def test_a_stiffness_for_each_axis_of_the_tool() -> None:

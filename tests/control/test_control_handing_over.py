@@ -136,14 +136,6 @@ def test_the_way_back_leads_to_where_the_first_skill_began() -> None:
     np.testing.assert_allclose(cell.loop.state.position, HOME, atol=1e-6)
 
 
-def test_a_moving_arm_is_not_saved() -> None:
-    cell = Watched()
-    handed_over(cell)
-    assert not cell.loop.at_rest
-    with pytest.raises(PicktreeError, match="only be saved while the arm is held at rest"):
-        cell.loop.save()
-
-
 def test_a_late_hand_over_is_an_arrival() -> None:
     cell = Watched()
     handed_over(cell, at=9.0)

@@ -19,7 +19,6 @@ from .control_cell import HOME, MODEL
 
 WIDE = Bounds((-2.0, -2.0, -2.0), (2.0, 2.0, 2.0))
 TIP = MODEL.description.gripper.tip
-BACKENDS = pytest.mark.parametrize("backend", ["kinematic", "physics"])
 
 
 def jog(cell: Cell, twist: Twist, **until: float) -> JogResult:
@@ -30,7 +29,7 @@ def way(result: JogResult) -> Array:
     return np.subtract(result.pose.position, MODEL.tcp(HOME).position)
 
 
-@BACKENDS
+@pytest.mark.parametrize("backend", ["kinematic", "physics"])
 def test_a_distance_straight_on_and_the_orientation_stays(backend: Backend) -> None:
     result = jog(Cell(backend), Twist((0.0, 0.2, -0.1)), distance=0.15)
     assert result.stopped_by == "done"
@@ -52,9 +51,8 @@ def test_turning_about_the_tool_s_centre_point() -> None:
     assert result.pose.angle(MODEL.tcp(HOME)) == pytest.approx(0.47, abs=0.03)
 
 
-@BACKENDS
-def test_down_until_the_table_stops_it_and_up_again(backend: Backend) -> None:
-    cell = Cell(backend)
+def test_down_until_the_table_stops_it_and_up_again() -> None:
+    cell = Cell()
     for speed in (0.5, 0.1):
         result = jog(cell, Twist((0.0, 0.0, -speed)))
         pads = "panda_leftfinger at table, panda_rightfinger at table"
@@ -160,28 +158,6 @@ def test_commands_that_stay_away_brake() -> None:
         cell.run(doing)
 
 
-@BACKENDS
-def test_halted_at_any_tick_the_arm_comes_to_rest(backend: Backend) -> None:
-    rng = np.random.default_rng(4)
-    cell = Cell(backend)
-    for ticks in (1, 2, 5, 11, 23):
-        x, y, z = rng.uniform(-0.25, 0.25, 3)
-        doing = cell.world.move.jog(Twist((x, y, z), tuple(rng.uniform(-0.5, 0.5, 3))), node="test")
-        for _ in range(ticks):
-            try:
-                next(doing)
-            except StopIteration:
-                break
-            cell.world.control.step_tick(0.05)
-        doing.close()
-        for _ in range(20):
-            if cell.world.control.at_rest:
-                break
-            cell.world.control.step_tick(0.05)
-        assert cell.world.control.at_rest
-        assert cell.world.control.monitor.stopped is None
-
-
 def test_no_limit_is_exceeded_whatever_is_asked() -> None:
     """Twists at random, each for a while: speeds, accelerations and positions of the joints stay within."""
     rng = np.random.default_rng(9)
@@ -199,23 +175,26 @@ def test_no_limit_is_exceeded_whatever_is_asked() -> None:
         assert (state.q >= MODEL.lower).all() and (state.q <= MODEL.upper).all()
 
 
-def test_nonsense_is_refused() -> None:
-    cell = Cell()
-    for twist, text in (
+@pytest.mark.parametrize(
+    ("twist", "until", "text"),
+    [
         (
             Twist((0.9, 0.0, 0.0)),
+            {},
             "a jog goes at most 0.5 m/s and turns at most 2 rad/s, not 0.9 m/s and 0 rad/s",
         ),
         (
             Twist((math.nan, 0.0, 0.0)),
+            {},
             "a twist needs three m/s and three rad/s, not (nan, 0.0, 0.0, 0.0, 0.0, 0.0)",
         ),
-    ):
-        with pytest.raises(PicktreeError) as caught:
-            jog(cell, twist)
-        assert str(caught.value) == text
-    with pytest.raises(PicktreeError, match=r"^a jog needs a guard, a duration and a distance above 0$"):
-        jog(cell, Twist(), duration=0.0)
+        (Twist(), {"duration": 0.0}, "a jog needs a guard, a duration and a distance above 0"),
+    ],
+)
+def test_nonsense_is_refused(twist: Twist, until: dict[str, float], text: str) -> None:
+    with pytest.raises(PicktreeError) as caught:
+        jog(Cell(), twist, **until)
+    assert str(caught.value) == text
 
 
 def test_the_state_of_a_servo_is_where_it_begins() -> None:

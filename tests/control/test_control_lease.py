@@ -135,23 +135,6 @@ def test_torque_to_position_and_back_without_a_step() -> None:
     assert cell.loop.at_rest
 
 
-def test_halting_at_each_tick_brings_the_arm_to_rest() -> None:
-    for at in range(0, 60, 6):
-        cell = Cell()
-        lowering = cell.move.guarded((0.0, 0.0, -1.0), 0.1, force=4.0, speed=0.08)
-        motion = swing(HOME, ASIDE, 1.5)
-        for doing in (cell.move.along(motion, guard=25.0), lowering):
-            for _ in range(at):
-                try:
-                    cell.ticks(doing, 1)
-                except (StopIteration, RuntimeError):
-                    break
-            doing.close()
-            cell.rest()
-            assert np.isfinite(cell.loop.state.position).all()
-            assert not cell.loop.state.velocity.any()
-
-
 def test_track_fades_out_a_small_offset_to_its_start() -> None:
     cell = Cell()
     shifted = HOME + 0.004

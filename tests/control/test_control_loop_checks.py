@@ -6,13 +6,17 @@ import numpy as np
 import pytest
 
 from picktree.robot.control import HoldController, Payload
+from picktree.robot.control.control_loop import Watchdog
 from picktree.robot.control.force_guard import ForceGuard
 from picktree.robot.control.joint_controllers import TrajectoryController
 from picktree.robot.control.motion_lease import Lease
+from picktree.simulation.kinematic import KinematicHardware
 from picktree.world import Array
 
-from .control_cell import HOME, MODEL, TICK, Cell, swing
+from .control_cell import HOME, MODEL, TICK, Backend, Cell, swing
 from .scripted_cell import ASIDE, PERIOD, FeelingHardware, moving, scripted, steps
+
+SLOW = np.full(7, 0.3)
 
 
 def guarded(cell: Cell, limit: float = 15.0) -> tuple[Lease, ForceGuard]:
@@ -71,69 +75,72 @@ def test_what_accelerates_the_hand_is_no_contact(payload: float) -> None:
         assert guard.contact == (pytest.approx(touch, abs=1e-3) if felt else None)
 
 
-def test_what_is_hardly_felt_is_no_contact_however_the_arm_is_accelerated() -> None:
-    cell, readings = scripted(FeelingHardware)
+@pytest.mark.parametrize(
+    ("backend", "force", "felt"),
+    [(FeelingHardware, (0.0, 0.0, 14.9), False), (KinematicHardware, (0.0, 12.0, 12.0), True)],
+    ids=["hardly felt", "no efforts told"],
+)
+def test_where_the_drives_tell_no_efforts_what_is_felt_is_a_contact(
+    backend: Backend, force: tuple[float, float, float], felt: bool
+) -> None:
+    """What is hardly felt is none, however the arm is accelerated."""
+    cell, readings = scripted(backend)
     _, guard = guarded(cell)
     readings.velocity = np.array([0.3, -0.2, 0.1, 0.2, 0.6, -0.5, 0.4])
-    readings.force = np.array([0.0, 0.0, 14.9])
+    readings.force = np.array(force)
     steps(cell, 1)
-    assert guard.contact is None
-
-
-def test_where_the_drives_tell_no_efforts_what_is_felt_is_a_contact() -> None:
-    cell, readings = scripted()
-    _, guard = guarded(cell)
-    readings.velocity = np.array([0.3, -0.2, 0.1, 0.2, 0.6, -0.5, 0.4])
-    readings.force = np.array([0.0, 12.0, 12.0])
-    steps(cell, 1)
-    assert guard.contact == pytest.approx((0.0, 12.0, 12.0))
+    assert guard.contact == (pytest.approx(force) if felt else None)
 
 
 @pytest.mark.parametrize(("force", "controller"), [(19.9, "Brake"), (20.1, "Comply")])
 def test_a_contact_that_is_strong_is_complied_with(force: float, controller: str) -> None:
     cell, readings = scripted()
     guarded(cell)
-    readings.velocity = np.full(7, 0.3)
+    readings.velocity = SLOW
     readings.force = np.array([0.0, 0.6 * force, -0.8 * force])
     steps(cell, 1)
     assert cell.loop.controller == controller
 
 
-def test_on_its_way_the_arm_brakes_along_it() -> None:
+@pytest.mark.parametrize(
+    ("read", "periods", "cause", "controller"),
+    [
+        ({"velocity": 5.0 * np.eye(7)[2]}, 1, "safety.speed_limit", "Track"),
+        ({"position": HOME + 0.06 * np.eye(7)[1], "velocity": SLOW}, 1, "control.tracking", "Brake"),
+        ({"force": np.array([0.0, 90.0, 0.0])}, 40, "safety.force_limit", "Comply"),
+        (
+            {"torque": MODEL.torque_limit * np.eye(7)[0], "velocity": SLOW},
+            122,
+            "safety.torque_limit",
+            "Brake",
+        ),
+    ],
+    ids=["on its way", "off its way", "pushed off", "overloaded"],
+)
+def test_an_arm_brakes_along_its_way_or_where_it_is_or_gives_way(
+    read: dict[str, Array], periods: int, cause: str, controller: str
+) -> None:
     """Of too fast a joint, and outside of the workspace, it is where it was told to be."""
     cell, readings, track, _ = moving()
-    readings.velocity = 5.0 * np.eye(7)[2]
+    for name, value in read.items():
+        setattr(readings, name, value)
+    steps(cell, periods)
+    stop = cell.monitor.stopped
+    assert stop is not None and stop.cause.name == cause
+    assert (cell.loop.controller, track.braking) == (controller, controller == "Track")
+
+
+def test_the_tool_is_looked_at_in_every_fourth_period() -> None:
+    cell, readings = scripted()
+    steps(cell, 4)
+    below = HOME + np.array([0.0, 1.8, 0.0, 0.5, 0.0, 0.0, 0.0])
+    assert MODEL.tcp(below).position[2] < -0.02
+    readings.position = below
+    steps(cell, 3)
+    levels = [key for key, _ in cell.monitor.state().levels]
+    assert "safety.workspace" not in levels
     steps(cell, 1)
-    stop = cell.monitor.stopped
-    assert stop is not None and stop.cause.name == "safety.speed_limit"
-    assert (cell.loop.controller, track.braking) == ("Track", True)
-
-
-def test_off_its_way_it_brakes_from_where_it_is() -> None:
-    cell, readings, track, _ = moving()
-    readings.position, readings.velocity = HOME + 0.06 * np.eye(7)[1], np.full(7, 0.3)
-    steps(cell, 1)
-    stop = cell.monitor.stopped
-    assert stop is not None and stop.cause.name == "control.tracking"
-    assert (cell.loop.controller, track.braking) == ("Brake", False)
-
-
-def test_pushed_off_it_gives_way() -> None:
-    cell, readings, track, _ = moving()
-    readings.force = np.array([0.0, 90.0, 0.0])
-    steps(cell, 40)
-    stop = cell.monitor.stopped
-    assert stop is not None and stop.cause.name == "safety.force_limit"
-    assert (cell.loop.controller, track.braking) == ("Comply", False)
-
-
-def test_overloaded_it_brakes_from_where_it_is() -> None:
-    cell, readings, track, _ = moving()
-    readings.torque, readings.velocity = MODEL.torque_limit * np.eye(7)[0], np.full(7, 0.3)
-    steps(cell, 122)
-    stop = cell.monitor.stopped
-    assert stop is not None and stop.cause.name == "safety.torque_limit"
-    assert (cell.loop.controller, track.braking) == ("Brake", False)
+    assert "safety.workspace" in [key for key, _ in cell.monitor.state().levels]
 
 
 @pytest.mark.parametrize(
@@ -208,7 +215,7 @@ def test_a_contact_is_felt_once_and_need_not_be_looked_after() -> None:
     for force in (16.0, 30.0):  # braked, and complied with
         cell, readings = scripted()
         _, guard = guarded(cell)
-        readings.velocity, readings.force = np.full(7, 0.3), np.array([0.0, 0.0, -force])
+        readings.velocity, readings.force = SLOW, np.array([0.0, 0.0, -force])
         steps(cell, 1)
         assert guard.contact == pytest.approx((0.0, 0.0, -force))
         readings.force = np.array([0.0, 0.0, -40.0])
@@ -240,20 +247,17 @@ def test_commands_go_to_the_arm() -> None:
     assert np.allclose(cell.loop.held_position, position)
     cell, readings = scripted()
     guarded(cell)
-    readings.velocity, readings.force = np.full(7, 0.3), np.array([0.0, 0.0, -30.0])
+    readings.velocity, readings.force = SLOW, np.array([0.0, 0.0, -30.0])
     steps(cell, 3)
     assert readings.torque_told is not None
     assert cell.loop.reference is None
 
 
-def test_who_moves_the_arm_must_look_after_it() -> None:
-    cell, _, _, lease = moving()
-    cell.loop.step_tick(TICK)
-    cell.loop.step_tick(0.2)
-    assert cell.monitor.stopped is None
-    assert lease.valid
-    cell.loop.step_tick(0.25)
-    assert cell.monitor.stopped is None  # there was a sign since
-    cell.loop.step_tick(0.25)
-    assert cell.monitor.stopped is not None
-    assert cell.monitor.stopped.evidence["seconds"] == 0.25
+@pytest.mark.parametrize(("attended", "expired"), [(set(range(8)), False), ({0}, True), ({0, 4}, False)])
+def test_a_watchdog_expires_after_a_fifth_of_a_second(attended: set[int], expired: bool) -> None:
+    watchdog, found = Watchdog(), list[bool]()
+    for k in range(8):
+        watchdog.attended = k in attended
+        found.append(watchdog.expired(0.05, moving=True))
+    assert any(found) is expired
+    assert not Watchdog().expired(1.0, moving=False)

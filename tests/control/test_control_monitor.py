@@ -4,100 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from picktree.files import PicktreeError
-from picktree.robot.control import SafetyMonitor
-from picktree.world import Array, Bounds, Failure, JointState, Journal, Pose, Vector3
-from picktree.world.scene import SafetyLimits
+from picktree.world import Failure, Pose
 
-from .control_cell import DOWN, HOME, MODEL, Cell, reach, swing
-
-CALM: Vector3 = (0.0, 0.0, 0.0)
-PERIOD = 1 / 240
-
-
-def state(position: Array = HOME, velocity: Array | None = None) -> JointState:
-    return JointState(position, np.zeros(7) if velocity is None else velocity, np.zeros(7))
-
-
-def monitor() -> SafetyMonitor:
-    return SafetyMonitor(MODEL, SafetyLimits(60.0, Bounds((0.0, -0.5, 0.0), (0.8, 0.5, 1.0))), Journal())
-
-
-def test_each_limit_stops_with_its_cause() -> None:
-    fast = np.zeros(7)
-    fast[4] = -3.2
-    beyond = HOME.copy()
-    beyond[3] = 0.0
-    cases = [
-        (state(velocity=fast), HOME, CALM, "safety.speed_limit: panda_joint5 moves at -3.20 rad/s"),
-        (
-            state(beyond),
-            beyond,
-            CALM,
-            "safety.joint_limit: panda_joint4 at 0.0 deg is 4.0 deg beyond its limit of -4.0 deg",
-        ),
-        (
-            state(),
-            HOME + 0.06 * np.eye(7)[5],
-            CALM,
-            "control.tracking: panda_joint6 is 0.060 rad from where it was told to be",
-        ),
-        (
-            state(),
-            HOME,
-            (0.0, 60.0, 45.0),
-            "safety.force_limit: 61 N at the wrist, above the limit of 60 N",
-        ),
-    ]
-    for reading, commanded, force, text in cases:
-        watch = monitor()
-        tripped = [watch.check(reading, commanded, force, PERIOD) for _ in range(60)]
-        assert tripped.count(True) == 1
-        assert watch.stopped is not None
-        assert f"{watch.stopped.cause}: {watch.stopped.message}" == text
-        assert watch.stops == 1
-
-
-def test_workspace() -> None:
-    watch = monitor()
-    assert not watch.check_tool((0.4, 0.0, 0.3))
-    assert watch.check_tool((0.4, 0.53, 0.3))
-    assert watch.stopped is not None
-    assert watch.stopped.message == "the tool is 30 mm outside the workspace: y = 530 mm, at most 500 mm"
-
-
-def test_a_short_blow_is_no_stop_but_a_push_is() -> None:
-    watch = monitor()
-    for size in (400.0, 120.0, 30.0, 0.0):
-        assert not watch.check(state(), HOME, (0.0, 0.0, size), PERIOD)
-    for _ in range(60):
-        watch.check(state(), HOME, CALM, PERIOD)
-    periods = 1
-    while not watch.check(state(), HOME, (0.0, 0.0, 165.0), PERIOD):
-        periods += 1
-    assert periods == 5
-
-
-def test_after_acknowledging_what_stands_is_tolerated_until_it_grows() -> None:
-    watch = monitor()
-
-    def push(size: float) -> bool:
-        tripped = [watch.check(state(), HOME, (0.0, 0.0, size), PERIOD) for _ in range(120)]
-        return any(tripped)
-
-    assert push(80.0)
-    assert not push(80.0)
-    watch.acknowledge()
-    assert not push(82.0)
-    assert not push(70.0)
-    assert push(90.0)
-    watch.acknowledge()
-    assert not push(0.0)
-    assert push(65.0)
-    assert watch.stops == 3
+from .control_cell import DOWN, HOME, Cell, reach, swing
 
 
 def crashed() -> Cell:

@@ -23,28 +23,6 @@ def cell(items: int = 0) -> Cell:
     return Cell(items, backend=PhysicsHardware)
 
 
-def test_tracking_accuracy() -> None:
-    one = cell()
-    goal = HOME + np.array([0.8, 0.3, -0.4, 0.3, 0.2, -0.3, 0.5])
-    one.loop.step_tick(0.05)
-    trajectory = swing(HOME, goal, 1.2)
-    doing = one.move.along(trajectory, guard=25.0)
-    next(doing)
-    begin = one.hardware.clock.now
-    worst = 0.0
-    while True:
-        for _ in range(12):
-            one.loop.step()
-            wanted, _ = trajectory.sample(one.hardware.clock.now - begin)
-            worst = max(worst, float(np.abs(one.hardware.arm.read().position - wanted).max()))
-        try:
-            next(doing)
-        except StopIteration:
-            break
-    assert worst < 2e-3
-    np.testing.assert_allclose(one.loop.state.position, goal, atol=3e-4)
-
-
 @pytest.mark.parametrize("linear", [600.0, 1500.0, 3000.0])
 def test_impedance_at_rest_stays_put(linear: float) -> None:
     one = cell()
@@ -99,27 +77,6 @@ def test_the_reflex_to_a_contact_carries_what_the_hand_holds() -> None:
         control.step()
     assert control.controller == "Hold"
     assert one.hardware.true_tcp().distance(begin) < 2e-3
-
-
-def test_guarded_move_presses() -> None:
-    one = cell()
-    one.go(0.5, 0.1, 0.03)
-    result = one.run(one.move.guarded((0.0, 0.0, -1.0), 0.08, force=4.0, speed=0.05, press=8.0))
-    assert result.contact
-    assert 3.0 < one.loop.wrench_external().force[2] < 20.0
-
-
-def test_guard_stops_a_slow_motion_without_a_safety_stop() -> None:
-    one = cell()
-    one.go(0.5, 0.1, 0.05)
-    start = one.loop.held_position
-    into = swing(start, reach(Pose((0.5, 0.1, -0.02), DOWN), start), 3.0)
-    with pytest.raises(Failure, match=r"^world.disturbed: touched something at \d+ N on a free way"):
-        one.run(one.move.along(into, guard=25.0))
-    assert one.loop.at_rest
-    one.run(one.loop.settle())
-    assert one.loop.wrench_external().magnitude() < 10.0
-    assert one.monitor.stopped is None
 
 
 def test_collision_at_speed_latches_and_is_left_again() -> None:

@@ -30,6 +30,12 @@ def cause(watch: SafetyMonitor) -> str:
     return "" if watch.stopped is None else watch.stopped.cause.name
 
 
+def retreats(watch: SafetyMonitor) -> None:
+    """A retreat acknowledges what stands, and moves."""
+    assert watch.acknowledge("retreat")
+    watch.moves("retreat")
+
+
 def one(joint: int, value: float) -> Array:
     return value * np.eye(7)[joint]
 
@@ -188,6 +194,10 @@ def carries(watch: SafetyMonitor, by: float) -> object:
     return watch.check_load(watch.most_load + 0.1 + by)
 
 
+def falls_silent(watch: SafetyMonitor, by: float) -> object:
+    return watch.check_sensors(2.0, SensorStamps(2.0, 2.0, 1.0))
+
+
 SLACKS = [
     (pressed, "safety.force_limit", 5.0, 20.0),
     (outside, "safety.workspace", 0.005, 0.05),
@@ -208,8 +218,7 @@ def test_what_was_acknowledged_may_grow_by_its_slack(
         watch = monitor()
         violate(watch, level)
         assert cause(watch) == name
-        assert watch.acknowledge("retreat")
-        watch.moves("retreat")
+        retreats(watch)
         violate(watch, level)
         assert cause(watch) == ""
         violate(watch, level + grown * slack)
@@ -224,8 +233,7 @@ def test_what_was_acknowledged_is_measured_by_its_least(
     """What has shrunk must not grow back to what it was."""
     watch = monitor()
     violate(watch, level)
-    watch.acknowledge("retreat")
-    watch.moves("retreat")
+    retreats(watch)
     violate(watch, level / 20)
     assert cause(watch) == ""
     violate(watch, level / 20 + 1.05 * slack)
@@ -242,8 +250,7 @@ def test_what_was_acknowledged_is_over_once_it_is_undercut(
     for within, stops in ((0.95, ""), (1.05, name)):
         watch = monitor()
         violate(watch, level)
-        watch.acknowledge("retreat")
-        watch.moves("retreat")
+        retreats(watch)
         violate(watch, -within * slack)
         assert cause(watch) == ""
         violate(watch, 0.5 * slack)
@@ -254,8 +261,7 @@ def test_what_was_acknowledged_is_over_once_it_is_undercut(
 def test_what_has_no_slack_is_over_at_once(violate: Violation) -> None:
     watch = monitor()
     violate(watch, 0.3)
-    watch.acknowledge("retreat")
-    watch.moves("retreat")
+    retreats(watch)
     violate(watch, -0.02)
     assert cause(watch) == ""
     violate(watch, 0.02)
@@ -304,31 +310,32 @@ def test_a_tenth_of_a_kilogram_more_than_allowed_is_no_burden() -> None:
 
 def test_the_wrist_may_repeat_itself_for_a_tenth_of_a_second() -> None:
     for since, dead in ((4.901, False), (4.899, True)):
-        watch = monitor()
-        assert watch.check_sensors(5.0, SensorStamps(5.0, 5.0, 5.0), repeats_since=since) is dead
-    # What is silent for longer than it has repeated itself is told as that.
-    watch = monitor()
-    watch.check_sensors(5.0, SensorStamps(5.0, 5.0, 4.5), repeats_since=4.6)
-    assert watch.stopped is not None
-    assert watch.stopped.message == "the wrist sensor has given no new reading since 4.50 s"
+        assert monitor().check_sensors(5.0, SensorStamps(5.0, 5.0, 5.0), repeats_since=since) is dead
 
 
 def test_after_a_silence_of_the_wrist_the_full_speed_is_allowed_again() -> None:
     fast = one(2, 0.6 * MODEL.velocity_limit[2])
-    watch = monitor()
-    watch.check_sensors(2.0, SensorStamps(2.0, 2.0, 1.0))
+    watch, twin = monitor(), monitor()
+    falls_silent(watch, 0.0)
     watch.acknowledge("retreat")
     assert watch.blind
-    twin = monitor()
     twin.restore(watch.state())
     for blind in (watch, twin):
         blind.moves("retreat")
+        blind.check_sensors(2.0, SensorStamps(2.0, 2.0, 1.0))  # it still is
         assert not reads(blind, velocity=one(2, 0.57 * MODEL.velocity_limit[2]))
         assert reads(blind, velocity=fast)
         blind.acknowledge("retreat")
         blind.check_sensors(2.1, SensorStamps(2.1, 2.1, 2.1))
         assert not blind.blind
         assert not reads(blind, velocity=fast)
+    for stops, speaks in ((outside, False), (falls_silent, True)):
+        other = monitor()
+        stops(other, 0.1)
+        retreats(other)
+        if speaks:
+            other.check_sensors(2.1, SensorStamps(2.1, 2.1, 2.1))
+        assert not reads(other, velocity=fast), "nothing but a silent wrist makes a retreat slow"
 
 
 def test_without_a_sign_of_life_whoever_moves_the_arm_is_named() -> None:
@@ -362,12 +369,16 @@ def test_all_of_it_is_saved_and_restored() -> None:
     for each in (watch, twin):
         each.acknowledge("retreat")
     assert twin.state() == watch.state()
-    assert [
-        reads(each, effort=one(1, MODEL.torque_limit[1]), seconds=0.2) for each in (watch, twin)
-    ] == [True, True]  # fmt: skip
+    for each in (watch, twin):
+        assert reads(each, effort=one(1, MODEL.torque_limit[1]), seconds=0.2)
     old = replace(watch.state(), overloaded=(), unexplained=())
     twin.restore(old)
     assert twin.state().overloaded == twin.state().unexplained == (0.0,) * 7
+    pressed(watch, 20.0)
+    twin.restore(watch.state())
+    assert twin.pressed
+    twin.restore(monitor().state())
+    assert (twin.state(), twin.pressed) == (monitor().state(), False)
 
 
 def test_the_first_violation_is_latched_and_told_once() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from picktree.robot.control import SafetyMonitor
 from picktree.robot.control.safety_monitor import payload_limit
-from picktree.world import JointState, Journal, SensorStamps
+from picktree.world import Array, JointState, Journal, SensorStamps
 from picktree.world.event_types import WristBiasEvent
 from picktree.world.robot_model import RobotModel
 from picktree.world.scene import SafetyLimits
@@ -26,9 +26,8 @@ from .test_monitor_limits import (
     lags,
     monitor,
     one,
-    outside,
-    pressed,
     reads,
+    retreats,
 )
 
 
@@ -45,13 +44,8 @@ def message(watch: SafetyMonitor) -> str:
 def test_a_monitor_begins_with_nothing_felt() -> None:
     limits = SafetyLimits(60.0, WORKSPACE)
     watch = SafetyMonitor(MODEL, limits, Journal())
-    assert (watch.limits, watch.pressed, watch.blind, watch.stops, watch.stopped) == (
-        limits,
-        False,
-        False,
-        0,
-        None,
-    )
+    assert (watch.limits, watch.pressed, watch.blind, watch.stops) == (limits, False, False, 0)
+    assert watch.stopped is None
     assert watch.state().felt == CALM
     assert (watch.state().overloaded, watch.state().unexplained) == ((0.0,) * 7, (0.0,) * 7)
 
@@ -96,9 +90,11 @@ def test_numbers_are_told_to_the_third_decimal() -> None:
     watch = SafetyMonitor(MODEL, SafetyLimits(payload=0.51234567), Journal())
     watch.check_load(0.87654321)
     assert evidence(watch) == {"mass": 0.877, "limit": 0.512}
+    assert message(watch) == "the hand carries 0.88 kg, more than the 0.51 kg that it may"
     watch = monitor()
     reads(watch, effort=one(1, -86.123456), seconds=0.6)
     assert evidence(watch) == {"joint": "panda_joint2", "effort": -86.123, "limit": 87.0}
+    assert message(watch) == "panda_joint2 has exerted 86.1 Nm for 0.5 s, of 87 Nm that it bears"
     watch = monitor()
     watch.unattended("Main/Lost", "Track", 0.2512345)
     assert evidence(watch)["seconds"] == 0.251
@@ -107,12 +103,12 @@ def test_numbers_are_told_to_the_third_decimal() -> None:
     watch.check_efforts(watch.explained(one(4, -0.3123456 * limit), 9.9))
     share = watch.state().unexplained[4]
     assert share == pytest.approx(-0.3123456 * 0.99)
-    assert evidence(watch) == {
-        "joint": "panda_joint5",
-        "unexplained": round(share * limit, 3),
-        "limit": round(0.15 * limit, 3),
-    }
-    assert message(watch).startswith(f"panda_joint5 exerts {-share * limit:.1f} Nm that neither")
+    told = {"joint": "panda_joint5", "unexplained": round(share * limit, 3), "limit": round(0.15 * limit, 3)}
+    assert evidence(watch) == told
+    assert message(watch) == (
+        f"panda_joint5 exerts {-share * limit:.1f} Nm that neither its motion nor what the wrist feels "
+        f"explains, more than {0.15 * limit:.1f} Nm"
+    )
 
 
 def test_the_limit_of_unexplained_torque_is_told_exactly() -> None:
@@ -123,18 +119,30 @@ def test_the_limit_of_unexplained_torque_is_told_exactly() -> None:
     assert evidence(watch)["limit"] == 18.519
 
 
-def test_each_limit_of_the_joints_has_its_own_words() -> None:
+@pytest.mark.parametrize(
+    ("violation", "words"),
+    [
+        (
+            {"position": np.where(np.arange(7) == 3, MODEL.upper[3] + 0.05, HOME)},
+            "panda_joint4 at -1.1 deg is 2.9 deg beyond its limit of -4.0 deg",
+        ),
+        ({"velocity": one(2, -5.0)}, "panda_joint3 moves at -5.00 rad/s"),
+        (
+            {"commanded": HOME + one(5, 0.125)},
+            "panda_joint6 is 0.125 rad from where it was told to be",
+        ),
+    ],
+)
+def test_each_limit_of_the_joints_has_its_own_words(violation: dict[str, Array], words: str) -> None:
     watch = monitor()
-    q = HOME.copy()
-    q[3] = MODEL.upper[3] + 0.05
-    reads(watch, position=q)
-    assert message(watch) == "panda_joint4 at -1.1 deg is 2.9 deg beyond its limit of -4.0 deg"
+    reads(watch, **violation)  # type: ignore[arg-type]
+    assert message(watch) == words
+
+
+def test_the_tool_is_told_how_far_outside_of_the_workspace_it_is() -> None:
     watch = monitor()
-    reads(watch, velocity=one(2, -5.0))
-    assert message(watch) == "panda_joint3 moves at -5.00 rad/s"
-    watch = monitor()
-    reads(watch, commanded=HOME + one(5, 0.125))
-    assert message(watch) == "panda_joint6 is 0.125 rad from where it was told to be"
+    watch.check_tool((0.4, 0.63, 0.3))
+    assert message(watch) == "the tool is 30 mm outside the workspace: y = 630 mm, at most 600 mm"
 
 
 def test_at_a_limit_to_the_last_bit_nothing_is_violated() -> None:
@@ -189,8 +197,7 @@ def test_a_sensor_that_was_acknowledged_and_spoke_again_stops_anew() -> None:
         good = SensorStamps(5.0, 5.0, 5.0)
         silent = replace(good, **{sensor: 4.0})
         assert watch.check_sensors(5.0, silent)
-        watch.acknowledge("retreat")
-        watch.moves("retreat")
+        retreats(watch)
         assert not watch.check_sensors(5.0, silent)
         assert watch.blind is (sensor == "wrench")
         assert not watch.check_sensors(5.0, good)
@@ -199,35 +206,15 @@ def test_a_sensor_that_was_acknowledged_and_spoke_again_stops_anew() -> None:
         assert watch.check_sensors(5.0, silent)
 
 
-def test_only_while_the_wrist_is_silent_a_retreat_is_slow() -> None:
-    fast = one(2, 0.9 * float(MODEL.velocity_limit[2]))
-    good = SensorStamps(5.0, 5.0, 5.0)
-    watch = monitor()
-    watch.check_sensors(5.0, replace(good, wrench=4.0))
-    watch.acknowledge("retreat")
-    watch.moves("retreat")
-    watch.check_sensors(5.0, replace(good, wrench=4.0))  # it still is
-    assert reads(watch, velocity=fast)
-    watch = monitor()
-    watch.check_sensors(5.0, replace(good, wrench=4.0))
-    watch.acknowledge("retreat")
-    watch.moves("retreat")
-    watch.check_sensors(5.0, good)
-    assert not reads(watch, velocity=fast)
-    assert cause(watch) == ""
-    watch = monitor()
-    outside(watch, 0.1)
-    watch.acknowledge("retreat")
-    watch.moves("retreat")
-    assert not reads(watch, velocity=fast)  # nothing but the wrist makes it slow
-
-
 def test_silent_encoders_cannot_be_acknowledged() -> None:
     watch = monitor()
     watch.check_sensors(5.0, SensorStamps(4.0, 5.0, 5.0))
     before = watch.stopped
     assert watch.acknowledge("retreat") is False
     assert watch.stopped is before is not None
+    watch.check_sensors(5.2, SensorStamps(5.2, 5.2, 5.2))
+    assert watch.acknowledge("retreat") is True
+    assert watch.stopped is None
 
 
 def test_whoever_was_lost_once_may_be_lost_again() -> None:
@@ -238,8 +225,7 @@ def test_whoever_was_lost_once_may_be_lost_again() -> None:
     assert watch.stopped is None  # for as long as before it is let off
     watch.unattended("retreat", "Track", 0.26)
     assert watch.stops == 2
-    watch.acknowledge("retreat")
-    watch.moves("retreat")
+    retreats(watch)
     watch.unattended("retreat", "Track", 0.25)
     assert (watch.stops, cause(watch)) == (3, "safety.watchdog")
 
@@ -249,25 +235,12 @@ def test_efforts_that_are_explained_by_doubting_the_wrist_are_let_off_as_before(
     watch = monitor()
     push = one(3, 0.4 * float(MODEL.torque_limit[3]))
     assert watch.check_efforts(watch.explained(push, 9.9)) is True
-    watch.acknowledge("retreat")
-    watch.moves("retreat")
+    retreats(watch)
     assert watch.check_efforts(True) is False
     assert watch.check_efforts(watch.explained(push, 9.9)) is False
     watch.explained(STILL, 99.0)
     assert watch.check_efforts(True) is False
     assert watch.check_efforts(watch.explained(push, 99.0)) is True
-
-
-def test_a_restored_monitor_feels_what_was_felt() -> None:
-    watch, twin = monitor(), monitor()
-    pressed(watch, 20.0)
-    assert watch.pressed
-    twin.restore(watch.state())
-    assert twin.pressed
-    assert twin.state() == watch.state()
-    twin.restore(monitor().state())
-    assert not twin.pressed
-    assert twin.state() == monitor().state()
 
 
 @pytest.mark.parametrize("acknowledged", [False, True])

@@ -42,25 +42,15 @@ from picktree.world.scene import load_scene
 
 T = TypeVar("T")
 BLOCK = ObjectId("red_block_1")
+(RED_BIN,) = (each.pose.position for each in load_scene("sort_small").bins if each.id == "red_bin")
 
 
 def believed(
     name: str, at: tuple[float, float, float], *, size: float = 0.04, place: str = "table"
 ) -> BeliefObject:
-    """A red cube."""
-    return BeliefObject(
-        "block",
-        "box",
-        Box((size, size, size)),
-        "red",
-        Pose(at),
-        0.001,
-        0.01,
-        1.0,
-        0.0,
-        id=ObjectId(name),
-        place=place,
-    )
+    """A red block of 4 cm height and that width."""
+    known = ("block", "box", Box((size, size, 0.04)), "red", Pose(at), 0.001, 0.01, 1.0, 0.0)
+    return BeliefObject(*known, id=ObjectId(name), place=place)
 
 
 def world_with(*beliefs: BeliefObject) -> World:
@@ -73,8 +63,14 @@ def world_with(*beliefs: BeliefObject) -> World:
 
 
 def stream(world: World) -> CandidateSearch:
-    belief = world.scene.get(BLOCK)
-    return CandidateSearch(world, belief, grasps(world), "Grasp")
+    return CandidateSearch(world, world.scene.get(BLOCK), grasps(world), "Grasp")
+
+
+def nothing_found(*beliefs: BeliefObject) -> Candidates:
+    """The trail of a search for the block among these that finds nothing."""
+    world = world_with(*beliefs)
+    assert answer(stream(world).find()) is None
+    return trail(world)
 
 
 def grasps(world: World) -> list[GraspCandidate]:
@@ -153,55 +149,42 @@ def test_what_cannot_be_carried_on_makes_room_for_the_next() -> None:
 
 
 def test_a_neighbour_that_the_hand_would_touch_is_named_with_its_distance() -> None:
-    x = 0.5
-    walls = [believed(f"wall_{k}", (x + dx, dy, 0.02)) for k, (dx, dy) in enumerate(
-        ((0.048, 0.0), (-0.048, 0.0), (0.0, 0.048), (0.0, -0.048)))]  # fmt: skip
-    world = world_with(believed(BLOCK, (x, 0.0, 0.02)), *walls)
-    assert answer(stream(world).find()) is None
-    ranked = trail(world)
+    beside = ((0.548, 0.0), (0.452, 0.0), (0.5, 0.048), (0.5, -0.048))
+    walls = [believed(f"wall_{k}", (x, y, 0.02)) for k, (x, y) in enumerate(beside)]
+    ranked = nothing_found(believed(BLOCK, (0.5, 0.0, 0.02)), *walls)
     assert counts(ranked)[HAND_STAGE] == 0
     assert {tried.stage for tried in ranked.tried} == {HAND_STAGE}
     assert all(tried.by.startswith("wall_") and tried.gap < 0.003 for tried in ranked.tried)
-    first = count_rejections(ranked.tried, ranked.into)[0]
-    assert first.words.startswith("the hand would touch wall_")
-    assert first.words.endswith("mm deep in it at best)")
-    assert (
-        sum(fate.count for fate in count_rejections(ranked.tried, ranked.into))
-        == counts(ranked)[RANKED_STAGE]
-    )
+    fates = count_rejections(ranked.tried, ranked.into)
+    assert fates[0].words.startswith("the hand would touch wall_")
+    assert fates[0].words.endswith("mm deep in it at best)")
+    assert sum(fate.count for fate in fates) == counts(ranked)[RANKED_STAGE]
 
 
 def test_an_object_out_of_reach() -> None:
-    world = world_with(believed(BLOCK, (0.98, 0.5, 0.02)))
-    assert answer(stream(world).find()) is None
-    ranked = trail(world)
+    ranked = nothing_found(believed(BLOCK, (0.98, 0.5, 0.02)))
     assert (counts(ranked)[HAND_STAGE], counts(ranked)[PRE_GRASP_STAGE]) == (counts(ranked)[RANKED_STAGE], 0)
     assert reasons(ranked) == f"{counts(ranked)[RANKED_STAGE]} the pre-grasp is out of reach"
 
 
 def test_a_full_bin() -> None:
-    world = world_with(believed(BLOCK, (0.5, 0.0, 0.02)))
-    bin_ = world.scene.bins[ObjectId("red_bin")]
-    x, y, _ = bin_.pose.position
-    for k in range(9):
-        at = (x + (k // 3 - 1) * 0.07, y + (k % 3 - 1) * 0.055, 0.09)
-        world.scene.put(
-            replace(believed(f"tower_{k}", at, place="red_bin"), shape=Cylinder(0.01, 0.16)), "test"
+    x, y, _ = RED_BIN
+    towers = [
+        replace(
+            believed(f"tower_{k}", (x + (k // 3 - 1) * 0.07, y + (k % 3 - 1) * 0.055, 0.09), place="red_bin"),
+            shape=Cylinder(0.01, 0.16),
         )
-    assert answer(stream(world).find()) is None
-    ranked = trail(world)
+        for k in range(9)
+    ]
+    ranked = nothing_found(believed(BLOCK, (0.5, 0.0, 0.02)), *towers)
     assert reasons(ranked) == f"{counts(ranked)[RANKED_STAGE]} red_bin is full"
     assert counts(ranked)[PRE_GRASP_STAGE] == 0, "the arm is not asked for what leads nowhere"
 
 
 def test_a_place_that_is_covered_is_told_with_what_covers_it() -> None:
-    world = world_with(believed(BLOCK, (0.5, 0.0, 0.02)))
-    x, y, z = world.scene.bins[ObjectId("red_bin")].pose.position
-    world.scene.put(
-        replace(believed("lid_1", (x, y, z + 0.23)), role="obstacle", shape=Box((0.4, 0.4, 0.2))), "test"
-    )
-    assert answer(stream(world).find()) is None
-    ranked = trail(world)
+    x, y, z = RED_BIN
+    lid = replace(believed("lid_1", (x, y, z + 0.23)), role="obstacle", shape=Box((0.4, 0.4, 0.2)))
+    ranked = nothing_found(believed(BLOCK, (0.5, 0.0, 0.02)), lid)
     assert counts(ranked)[GRASP_STAGE] > 0
     assert (counts(ranked)[ROOM_STAGE], counts(ranked)[PLACE_STAGE]) == (0, 0)
     covered = "from there red_bin cannot be reached (over red_bin red_block_1 would touch lid_1)"

@@ -59,14 +59,8 @@ class Bench(Cell):
         self.before = np.array(self.physics.truth()[0].pose.position)
 
     def close(self, entry: CatalogueEntry) -> ClosingResult:
-        world = SimpleNamespace(
-            control=self.loop,
-            gripper=self.grip,
-            robot=self.model,
-            clock=self.hardware.clock,
-            move=self.move,
-            journal=self.journal,
-        )
+        world = SimpleNamespace(control=self.loop, gripper=self.grip, robot=self.model, move=self.move)
+        world.clock, world.journal = self.hardware.clock, self.journal
         press = grip_force(entry, 70.0, ROBOT.gripper)
         closed = self.run(close(cast("World", world), press, "test"))
         self.grip.press(press.grip)

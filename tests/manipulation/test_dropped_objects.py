@@ -29,20 +29,8 @@ BELT = Fixture(ObjectId("belt"), Box((0.6, 0.2, 0.05)), Pose((0.0, 0.7, 0.1)))
 def item(
     name: str, at: tuple[float, float, float], *, place: str = "table", held: bool = False
 ) -> BeliefObject:
-    return BeliefObject(
-        "block",
-        "box",
-        Box((0.04, 0.04, 0.06)),
-        "red",
-        Pose(at),
-        0.001,
-        0.01,
-        0.9,
-        1.0,
-        id=ObjectId(name),
-        object_in_tcp=Pose() if held else None,
-        place=place,
-    )
+    known = ("block", "box", Box((0.04, 0.04, 0.06)), "red", Pose(at), 0.001, 0.01, 0.9, 1.0)
+    return BeliefObject(*known, id=ObjectId(name), object_in_tcp=Pose() if held else None, place=place)
 
 
 def scene(*objects: BeliefObject) -> PlanningScene:

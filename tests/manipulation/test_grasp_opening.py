@@ -11,29 +11,28 @@ from picktree.robot import World
 from picktree.robot.manipulation import grasp_candidates
 from picktree.robot.manipulation.candidate_search import CandidateSearch
 from picktree.robot.manipulation.grasps import OUTER_ROOM, WIDE_EXCESSES, widened
+from picktree.robot.manipulation.pick_candidates import PickPlaceCandidate
 from picktree.robot.manipulation.pick_place_motions import MAX_TOP_ERROR
-from picktree.world import Array, BeliefObject, Box, ObjectId, Pose, Trajectory
+from picktree.world import Array, BeliefObject, Trajectory
 from picktree.world.robot_model.description import Linkage
 
-from .test_candidates import answer, world_with
+from .test_candidates import BLOCK, answer, believed, world_with
 
-BLOCK, HEIGHT = ObjectId("red_block_1"), 0.04
+HEIGHT = 0.04
 
 
 def block(name: str, y: float, width: float) -> BeliefObject:
-    return BeliefObject(
-        "block",
-        "box",
-        Box((width, width, HEIGHT)),
-        "red",
-        Pose((0.5, y, HEIGHT / 2)),
-        0.001,
-        0.01,
-        1.0,
-        0.0,
-        id=ObjectId(name),
-        place="table",
-    )
+    return believed(name, (0.5, y, HEIGHT / 2), size=width)
+
+
+def approached(width: float, *, gently: bool = False) -> tuple[World, PickPlaceCandidate, Array, Array]:
+    """How a block of that width is approached: heights of the finger tips, m, and speeds of the TCP, m/s."""
+    world = world_with(block(BLOCK, 0.0, width))
+    belief = world.scene.get(BLOCK)
+    ranked = grasp_candidates(belief, world.robot.description.gripper)
+    pick = answer(CandidateSearch(world, belief, ranked, "Grasp").find(gently=gently))
+    assert pick is not None
+    return world, pick, *tool_motion(world, pick.approach.trajectory)
 
 
 def tool_motion(world: World, trajectory: Trajectory) -> tuple[Array, Array]:
@@ -84,13 +83,8 @@ def test_tips_of_hinged_fingers_stay_ahead_of_the_tcp_beside_a_flat_object(
 def test_the_hand_slows_down_above_an_object_that_its_fingers_might_meet(
     width: float, *, narrow: bool
 ) -> None:
-    world = world_with(block(BLOCK, 0.0, width))
-    belief = world.scene.get(BLOCK)
-    ranked = grasp_candidates(belief, world.robot.description.gripper)
-    pick = answer(CandidateSearch(world, belief, ranked, "Grasp").find())
-    assert pick is not None
+    world, pick, tips, speeds = approached(width)
     assert pick.grasp.narrow is narrow
-    tips, speeds = tool_motion(world, pick.approach.trajectory)
     near = speeds[tips < HEIGHT + MAX_TOP_ERROR - 1e-4]
     if narrow:
         assert near.max() < 1.05 * world.handling.touch_speed
@@ -100,10 +94,5 @@ def test_the_hand_slows_down_above_an_object_that_its_fingers_might_meet(
 
 
 def test_after_a_slip_all_of_the_way_down_is_slow() -> None:
-    world = world_with(block(BLOCK, 0.0, 0.04))
-    belief = world.scene.get(BLOCK)
-    ranked = grasp_candidates(belief, world.robot.description.gripper)
-    pick = answer(CandidateSearch(world, belief, ranked, "Grasp").find(gently=True))
-    assert pick is not None
-    tips, speeds = tool_motion(world, pick.approach.trajectory)
+    world, _, tips, speeds = approached(0.04, gently=True)
     assert speeds[tips < HEIGHT + 0.02].max() < 1.05 * world.handling.touch_speed

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from picktree.robot.manipulation import grasp_candidates
@@ -51,6 +51,7 @@ def standing(shape: Shape, yaw: float = 0.0, x: float = 0.5, y: float = 0.1) -> 
     return belief(shape, pose.shifted((0.0, 0.0, -bottom(shape, pose))))
 
 
+@settings(max_examples=20)
 @given(st.floats(-math.pi, math.pi), st.floats(0.02, 0.06), st.floats(0.02, 0.075))
 def test_a_box_is_closed_on_across_its_faces(yaw: float, a: float, b: float) -> None:
     item = standing(Box((a, b, 0.04)), yaw)
@@ -62,6 +63,7 @@ def test_a_box_is_closed_on_across_its_faces(yaw: float, a: float, b: float) -> 
         assert TIGHT_EXCESS * 0.6 <= candidate.opening - across <= ROOMY_EXCESS + 1e-9
 
 
+@settings(max_examples=8)
 @given(st.floats(-math.pi, math.pi), st.sampled_from([Box((0.04, 0.05, 0.06)), Cylinder(0.02, 0.08)]))
 def test_a_hand_that_leans_keeps_its_pads_flat_and_comes_between_neither_support_nor_palm(
     yaw: float, shape: Shape

@@ -61,7 +61,7 @@ def test_the_hand_goes_on_to_what_is_near_the_bin() -> None:
 def test_it_is_shorter_than_the_nearest_first_and_than_any_other_place_of_a_single_item() -> None:
     rng = np.random.default_rng(20)
     shorter = 0
-    for _ in range(40):
+    for _ in range(12):
         bins = rng.choice(["left", "right"], 10)
         items = [
             item(f"{into}_{k}", a)
@@ -71,7 +71,7 @@ def test_it_is_shorter_than_the_nearest_first_and_than_any_other_place_of_a_sing
         assert sorted(order) == sorted(str(o.id) for o in items)
         first = turned(items, order)
         shorter += first < turned(items, [str(o.id) for o in items]) - 0.5
-    assert shorter >= 36
+    assert shorter >= 11
 
 
 def test_what_is_held_comes_first_wherever_it_is() -> None:

@@ -11,6 +11,7 @@ from typing import TypeAlias
 import numpy as np
 
 from picktree.robot.perception import Perception
+from picktree.robot.perception.obstacle_volumes import merge_cells, obstacle_from_cells
 from picktree.robot.perception.view import PerceivedView
 from picktree.world import (
     COLOURS,
@@ -208,3 +209,13 @@ def view_of(
     return Perception(description, robot).detect(
         image, np.zeros(7), 0.08, None if scene is None else scene.held, known
     )
+
+
+def obstacle(
+    cells: Array, name: str = "obstacle_1", colour: str = "red", supposed: Array | None = None
+) -> BeliefObject:
+    """What is believed to take up these cells, by their keys (n,), and was seen at 1 s."""
+    further = () if supposed is None else merge_cells(supposed)
+    shape, pose, blocks = obstacle_from_cells(merge_cells(cells), further)
+    known = ("unknown", "unknown", shape, colour, pose, 0.005, 0.1, 0.5, 1.0)
+    return BeliefObject(*known, id=ObjectId(name), role="obstacle", blocks=blocks)

@@ -51,3 +51,11 @@ def patch_of(*pixels: tuple[int, int], colour: str = "grey") -> UnexplainedPatch
 
 def painted(colour: str) -> Array:
     return np.full((HIGH, WIDE), segmentation.label_of(colour))
+
+
+def raised(by: float, *where: tuple[slice, slice]) -> Array:
+    """Depth of the table, and of what stands out `by` m of it there."""
+    depth = np.full((HIGH, WIDE), HEIGHT)
+    for each in where:
+        depth[each] -= by
+    return depth

@@ -54,23 +54,12 @@ def shot(hardware: KinematicHardware) -> RgbdImage:
 def believed(bodies: tuple[TrueBody, ...], shift: tuple[float, float]) -> list[BeliefObject]:
     """Return the bodies as a miscalibrated camera reports them: shifted, turned by 2°."""
     turn = Pose.from_rpy((0.0, 0.0, 0.0), (0.0, 0.0, math.radians(2)))
-    return [
-        BeliefObject(
-            b.kind,
-            b.form,
-            b.shape,
-            b.colour,
-            Pose(b.pose.position, (turn @ Pose((0, 0, 0), b.pose.orientation)).orientation).shifted(
-                (*shift, 0.0)
-            ),
-            0.001,
-            0.01,
-            0.9,
-            0.0,
-            id=b.id,
-        )
-        for b in bodies
-    ]
+    objects: list[BeliefObject] = []
+    for b in bodies:
+        x, y, z = b.pose.position
+        pose = Pose((x + shift[0], y + shift[1], z), (turn @ Pose((0, 0, 0), b.pose.orientation)).orientation)
+        objects.append(BeliefObject(b.kind, b.form, b.shape, b.colour, pose, 0.001, 0.01, 0.9, 0.0, id=b.id))
+    return objects
 
 
 def test_the_grammar_of_a_camera_on_the_hand() -> None:

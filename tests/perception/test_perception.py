@@ -155,14 +155,6 @@ def test_grey_things_become_boxes_to_keep_clear_of() -> None:
     assert box.shape.size[2] == pytest.approx(0.12, abs=0.012)
 
 
-def test_colour_that_fits_no_entry_becomes_a_box() -> None:
-    view = view_of([Thing(Box((0.15, 0.12, 0.09)), Pose((0.5, -0.05, 0.045)), "purple")])
-    assert view.detections == ()
-    (box,) = view.unexplained
-    assert box.colour == "purple"
-    assert box.shape.size[2] == pytest.approx(0.09, abs=0.012)
-
-
 def test_the_empty_scene_is_empty_though_the_bin_is_painted() -> None:
     view = view_of([])
     assert view.detections == () and view.unexplained == ()
@@ -243,8 +235,3 @@ def test_items_on_a_platform_stand_on_it() -> None:
     assert seen.pose.distance(block.pose) < 0.002
     assert seen.confidence > 0.8, "it does not float"
     assert view.unexplained == ()
-
-
-def test_the_same_picture_gives_the_same_view() -> None:
-    things = [standing(BRICK, 0.45, -0.1, 0.7, "red"), standing(BALL, 0.6, 0.1, 0.0, "blue")]
-    assert view_of(things).detections == view_of(things).detections

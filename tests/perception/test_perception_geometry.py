@@ -131,8 +131,9 @@ def test_a_nut_has_two_looks() -> None:
     assert found[round(0.018 * math.sqrt(3), 4)].turn == pytest.approx(math.pi)
 
 
-@pytest.mark.parametrize("radius", [0.005, 0.008, 0.015, 0.025])
-@pytest.mark.parametrize("sides", [12, 16, 32, 61, 90])
+@pytest.mark.parametrize(
+    ("radius", "sides"), [(0.005, 12), (0.008, 61), (0.015, 32), (0.025, 16), (0.025, 90)]
+)
 def test_a_roll_lies_and_stands_however_fine_its_facets_are(radius: float, sides: int) -> None:
     ring = [
         (radius * math.cos(k * 2 * math.pi / sides), radius * math.sin(k * 2 * math.pi / sides))
@@ -202,7 +203,7 @@ def test_a_picture_without_a_table_is_not_levelled() -> None:
     assert level_camera(sight, np.zeros(image.depth.shape), backdrop, 0.0) is sight
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_distances_from_a_silhouette_are_those_of_opencv(seed: int) -> None:
     rng = np.random.default_rng(seed)
     hull = cv2.convexHull(rng.uniform(20.0, 60.0, (12, 2)).astype(np.float32))

@@ -21,7 +21,7 @@ from picktree.robot.planning import (
 from picktree.session import assemble_world
 from picktree.session.execution import TICK_LENGTH
 from picktree.simulation import Backend, build_hardware
-from picktree.world import Array, BeliefObject, Bounds, Box, Failure, ObjectId, Pose, Trajectory
+from picktree.world import Array, BeliefObject, Box, Failure, ObjectId, Pose, Trajectory
 from picktree.world.robot_model import load_robot
 from picktree.world.scene import load_scene
 
@@ -224,16 +224,6 @@ def test_each_limit_is_told_with_joint_time_and_amount() -> None:
         assert str(cell.refused(trajectory)) == text
 
 
-def test_a_tool_outside_of_the_workspace() -> None:
-    cell = Cell()
-    gate = TrajectoryGate(MODEL, cell.world.plan, Bounds((0.0, -0.1, 0.0), (0.9, 0.9, 0.9)))
-    trajectory = away(0, -0.8)
-    with pytest.raises(Failure, match=r"^safety.workspace: .* the tool would be 120 mm outside the"):
-        cell.run(gate.passes(trajectory))
-    begun_outside = swing(trajectory.end, HOME)
-    cell.run(gate.passes(begun_outside))
-
-
 def test_an_unsound_trajectory() -> None:
     cell = Cell()
     sound = away(0, 0.3)
@@ -254,23 +244,6 @@ def test_an_unsound_trajectory() -> None:
     ]
     for trajectory, text in cases:
         assert str(cell.refused(trajectory)) == f"safety.trajectory: the trajectory is refused: {text}"
-
-
-def test_between_two_samples_it_is_looked_at_too() -> None:
-    """Two samples that are within the limits, and an overshoot between them."""
-    cell = Cell()
-    goal = HOME.copy()
-    goal[5] = MODEL.upper[5] - 0.01
-    moving = np.zeros(7)
-    moving[5] = 0.6
-    still = np.zeros(7)
-    trajectory = Trajectory(
-        np.array([0.0, 3.0, 3.4, 4.0]),
-        np.array([HOME, goal, goal, goal]),
-        np.array([still, moving, -moving, still]),
-        np.zeros((4, 7)),
-    )
-    assert str(cell.refused(trajectory).cause) == "safety.joint_limit"
 
 
 def _thing() -> BeliefObject:

@@ -203,7 +203,7 @@ def test_what_a_chain_costs_is_charged_and_noted_once() -> None:
     assert ticks == int(made[0].thinking / 0.05)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_random_chains_keep_all_limits_and_touch_nothing(seed: int) -> None:
     rng = np.random.default_rng(seed)
     cell = Cell(littered(seed, 8))

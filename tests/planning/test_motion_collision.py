@@ -34,7 +34,7 @@ def names(collision: CollisionChecker, q: Array) -> set[tuple[str, str]]:
     return {(c.a, c.b) for c in collision.contacts(q)}
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_the_broad_phase_misses_nothing(seed: int) -> None:
     scene = littered(seed, high=0.6)
     if seed % 2:

@@ -12,7 +12,7 @@ from picktree.robot.planning.cartesian_lines import (
     plan_line,
 )
 from picktree.robot.planning.trajectory_check import StartTolerance
-from picktree.world import Array, Box, PlanningScene, Pose, Quaternion
+from picktree.world import Array, Box, PlanningScene, Pose
 
 from .motion_cell import HOME, MODEL, down, item, table_scene
 
@@ -23,11 +23,6 @@ def at(pose: Pose) -> Array:
     q = IK.descend(pose, HOME)
     assert q is not None
     return q
-
-
-def quaternion(values: Array) -> Quaternion:
-    x, y, z, w = (float(value) for value in values)
-    return (x, y, z, w)
 
 
 def way(start: Array, scene: PlanningScene | None = None) -> StartTolerance:

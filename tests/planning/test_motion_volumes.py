@@ -7,30 +7,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from picktree.robot.perception.obstacle_volumes import Keys, cells_in_body, merge_cells, obstacle_from_cells
+from picktree.robot.perception.obstacle_volumes import Keys, cells_in_body
 from picktree.robot.planning import CollisionChecker, JointGoal
 from picktree.robot.planning.trajectory_verifier import TrajectoryVerifier
-from picktree.world import BeliefObject, Box, ConvexMesh, Failure, ObjectId, PlanningScene, Pose
+from picktree.world import Box, ConvexMesh, Failure, PlanningScene, Pose
 
+from ..perception.perception_pictures import obstacle
 from .motion_cell import HOME, MODEL, Cell, run, table_scene
-
-
-def volume(cells: Keys) -> BeliefObject:
-    shape, pose, blocks = obstacle_from_cells(merge_cells(cells))
-    return BeliefObject(
-        "unknown",
-        "unknown",
-        shape,
-        "grey",
-        pose,
-        0.005,
-        0.1,
-        0.5,
-        0.0,
-        id=ObjectId("obstacle_1"),
-        role="obstacle",
-        blocks=blocks,
-    )
 
 
 def bent(x: float, y: float) -> Keys:
@@ -46,7 +29,7 @@ def post(x: float, y: float) -> Keys:
 
 def seen(cells: Keys) -> PlanningScene:
     scene = table_scene()
-    scene.put(volume(cells), "test")
+    scene.put(obstacle(cells), "test")
     return scene
 
 
@@ -86,7 +69,7 @@ def test_queries_follow_it_as_it_grows_and_goes() -> None:
     at, beside = Pose((0.5, 0.2, 0.3)), Pose((0.5, 0.3, 0.3))
     assert [c.b for c in cell.queries.free(probe, at)] == ["obstacle_1"]
     assert cell.queries.free(probe, beside) == []
-    scene.put(volume(np.union1d(post(0.5, 0.2), post(0.5, 0.3))), "more of it was seen")
+    scene.put(obstacle(np.union1d(post(0.5, 0.2), post(0.5, 0.3))), "more of it was seen")
     assert {c.b for c in cell.queries.free(probe, beside)} == {"obstacle_1"}
     scene.remove("obstacle_1", "its place was seen without it")
     assert cell.queries.free(probe, at) == []

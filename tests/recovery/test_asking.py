@@ -75,8 +75,7 @@ def test_a_moving_arm_is_braked_before_anybody_is_asked() -> None:
 def test_a_reason_without_its_value_is_a_failure_and_nobody_is_asked() -> None:
     cell = Cell(mission(ASK % ""), items(block=1))
     cell.finish()
-    failure = cell.tree.failure
-    assert failure is not None
+    failure = cell.failure
     assert f"{failure.cause}: {failure.message}" == (
         "tree.missing_input: in 'reason' of AskForHelp: nothing has written {what} yet"
     )

@@ -3,26 +3,14 @@
 from __future__ import annotations
 
 from textwrap import indent
-from typing import cast
 
 import pytest
 
-from picktree.files.yaml import read_document
-from picktree.recovery import NODES as RECOVERY
-from picktree.robot import World
-from picktree.trees import NodeStatus, build
-from picktree.trees.loading import NodeRegistry, examine, parse_mission
+from picktree.trees import NodeStatus
 from picktree.world import Plain
 
-from ..trees.scripted import FILE, NODES, FakeWorld, Run, letters
-
-REGISTRY = NodeRegistry((*NODES, *RECOVERY), installed=False)
-
-
-def start(body: str, world: FakeWorld | None = None) -> Run:
-    world = world or FakeWorld()
-    text = "picktree: 1\nkind: mission\ntrees:\n  Main:\n" + indent(body, "    ")
-    return Run(build(parse_mission(text, FILE, REGISTRY), cast("World", world), {}), world)
+from ..trees.scripted import FakeWorld, Run, letters
+from .scripted_recovery import faults, start
 
 
 def causes(run: Run) -> list[str]:
@@ -53,7 +41,6 @@ def test_a_handler_more_than_it_allows_is_refused_and_give_up_runs() -> None:
     assert (run.trace.count("start Do"), run.trace.count("start Cure")) == (3, 2)
     assert run.trace.count("end Leave") == 1
     assert causes(run) == ["tree.budget Main/Budget", "grasp.missed Main/Budget/Recover/Do"]
-    assert run.tree.failure is not None
     assert run.tree.failure.message == ("the budget is used up (2 of 2 handlers, 0.2 s): Do was told to")
     assert [e.data["tries"] for e in run.notes("budget")] == [2]
 
@@ -68,7 +55,6 @@ def test_a_budget_of_no_handler_refuses_the_first_one() -> None:
     run = start(TRIES % (0, "grasp.missed", "S"))
     assert letters(run.to_end())[-1] == "F"
     assert (run.trace.count("start Do"), run.trace.count("start Cure")) == (1, 0)
-    assert run.tree.failure is not None
     assert run.tree.failure.message == "the budget is used up (0 of 0 handlers, 0.0 s): Do was told to"
 
 
@@ -241,7 +227,6 @@ def test_a_used_up_budget_says_what_was_spent_for_what(ports: str, told: str) ->
         "seconds": 0.5,
     }  # fmt: skip
     failure = run.tree.failure
-    assert failure is not None
     assert failure.message == f"the budget {told}"
     assert failure.evidence == {"object": whose, "tries": 1, "seconds": 0.5, "cause": "grasp.slipped"}
     # What nobody paid for, then what was cured before.
@@ -267,14 +252,9 @@ ForEach:
         assert run.trace.count("start Cure") == others + 1 + again
 
 
-def faults(body: str) -> list[str]:
-    text = "picktree: 1\nkind: mission\ntrees:\n  Main:\n" + indent(body, "    ")
-    return [f.message for f in examine(read_document(FILE, "mission", text), REGISTRY).faults]
-
-
 def test_a_budget_that_bounds_nothing_is_refused() -> None:
     wrong = ["without `tries` or `time` nothing is bounded"]
     for ports in ("", "tries: -1,", "time: 0 s,", "tries: -1, time: 0,"):
-        assert faults(f"Budget: {{{ports} do: AlwaysSuccess}}\n") == wrong, ports
+        assert [f.message for f in faults(f"Budget: {{{ports} do: AlwaysSuccess}}\n")] == wrong, ports
     for ports in ("tries: 0", "time: 1 s", "tries: -1, time: 1 s", "tries: 2, time: 0 s"):
-        assert faults(f"Budget: {{{ports}, do: AlwaysSuccess}}\n") == [], ports
+        assert faults(f"Budget: {{{ports}, do: AlwaysSuccess}}\n") == (), ports

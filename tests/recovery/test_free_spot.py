@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.world import BeliefObject, Box, Cylinder, ObjectId, Pose, Vector3
+from picktree.world import Box, Cylinder, ObjectId, Pose, Vector3
 from picktree.world.scene import Fixture
 
 from ..skills.cell import Cell, items, mission
@@ -23,15 +23,12 @@ def holding() -> tuple[Cell, str]:
     made = Cell(mission("Observe: {camera: overhead}"), scene)
     made.finish()
     (block,) = (str(o.id) for o in made.world.scene.objects if o.role == "item")
-    made.start(mission(f"Grasp: {{object: {block}, onward: false}}"))
-    made.finish()
-    assert made.tree.failure is None
+    assert made.do(f"Grasp: {{object: {block}, onward: false}}") == ""
     return made, block
 
 
 def found(cell: Cell, block: str) -> Vector3:
-    cell.start(mission(f'FreeSpot: {{object: {block}, at: "{{spot}}"}}'))
-    cell.finish()
+    cell.do(f'FreeSpot: {{object: {block}, at: "{{spot}}"}}')
     assert cell.tree.failure is None, cell.tree.failure
     value = cell.tree.blackboard.save()["Main/spot"]
     assert isinstance(value, list)
@@ -39,26 +36,14 @@ def found(cell: Cell, block: str) -> Vector3:
     return x, y, z
 
 
-def believe(cell: Cell, size: Vector3, at: Vector3) -> None:
-    known = ("unknown", "unknown", Box(size), "grey", Pose(at))
-    cell.world.scene.put(
-        BeliefObject(*known, 0.002, 0.0, 1.0, 0.0, id=ObjectId("thing"), role="obstacle"), "test"
-    )
-
-
 def free(cell: Cell, block: str, monkeypatch: pytest.MonkeyPatch) -> tuple[int, int]:
     """How many places are free, and of how many it was asked whether the arm reaches them: none."""
     asked: list[Pose] = []
     with monkeypatch.context() as patch:
         patch.setattr(cell.world.plan, "reachable", asked.append)
-        cell.start(mission(f'FreeSpot: {{object: {block}, at: "{{spot}}"}}'))
-        cell.finish()
-    failure = cell.tree.failure
-    assert failure is not None
-    assert (str(failure.cause), failure.message) == (
-        "place.occupied",
-        f"there is no place within reach where {block} can be put down",
-    )
+        cell.do(f'FreeSpot: {{object: {block}, at: "{{spot}}"}}')
+    failure = cell.failure
+    assert cell.told == f"place.occupied: there is no place within reach where {block} can be put down"
     free = failure.evidence["free"]
     assert isinstance(free, int)
     return free, len({(round(p.position[0], 4), round(p.position[1], 4)) for p in asked})
@@ -83,7 +68,7 @@ def test_all_of_the_table_within_reach_is_offered(monkeypatch: pytest.MonkeyPatc
 def test_around_it_there_is_room_for_the_hand(gap: float, taken: bool) -> None:
     """The nearest place to the hand is (0.5, 0); something stands that far from a block of 4 cm there."""
     made, block = holding()
-    believe(made, (0.01, 0.01, 0.2), (0.5 + 0.02 + gap + 0.005, 0.0, 0.1))
+    made.believe("thing", (0.01, 0.01, 0.2), (0.5 + 0.02 + gap + 0.005, 0.0, 0.1))
     at = found(made, block)
     assert (math.dist(at[:2], (0.5, 0.0)) > 0.02) is taken
 
@@ -121,13 +106,10 @@ def test_boards_alone_are_put_down_upon(monkeypatch: pytest.MonkeyPatch) -> None
 
 def test_an_empty_hand_has_nothing_to_put_down() -> None:
     made, block = holding()
-    made.start(mission("OpenGripper"))
-    made.finish()
+    made.do("OpenGripper")
     for item, told in (
         (block, f"grasp.slipped: {block} is not in the hand"),
         ("red_nut_9", "world.unknown_object: no object 'red_nut_9' in the planning scene"),
     ):
-        made.start(mission(f'FreeSpot: {{object: {item}, at: "{{spot}}"}}'))
-        made.finish()
-        assert made.tree.failure is not None
-        assert f"{made.tree.failure.cause}: {made.tree.failure.message}" == told
+        made.do(f'FreeSpot: {{object: {item}, at: "{{spot}}"}}')
+        assert f"{made.failure.cause}: {made.failure.message}" == told

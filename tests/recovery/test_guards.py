@@ -2,31 +2,15 @@
 
 from __future__ import annotations
 
-from textwrap import indent
-from typing import cast
-
 import pytest
 
-from picktree.files.yaml import read_document
 from picktree.recovery import NODES as RECOVERY
-from picktree.robot import World
-from picktree.trees import NodeStatus, build
-from picktree.trees.loading import NodeRegistry, examine, parse_mission
+from picktree.trees import NodeStatus
 from picktree.world import all_causes, matches
 
-from ..trees.scripted import FILE, NODES, FakeWorld, Run
+from .scripted_recovery import faults, start
 
-REGISTRY = NodeRegistry((*NODES, *RECOVERY), installed=False)
 WOULD = [node for node in RECOVERY if node.declaration.id.startswith("Would")]
-
-
-def text(body: str) -> str:
-    return "picktree: 1\nkind: mission\ntrees:\n  Main:\n" + indent(body, "    ")
-
-
-def start(body: str) -> Run:
-    world = FakeWorld()
-    return Run(build(parse_mission(text(body), FILE, REGISTRY), cast("World", world), {}), world)
 
 
 GUARDED = """\
@@ -75,9 +59,9 @@ def test_cause_is_takes_families_and_knows_their_names() -> None:
         run.to_end()
         assert branch in run.trace
     body = GUARDED % ("S", 'CauseIs: {cause: "{cause}", of: ["grasp.*", grasp.mised]}')
-    faults = examine(read_document(FILE, "mission", text(body)), REGISTRY).faults
-    assert [f.message for f in faults] == ["port 'of': 'grasp.mised' is no cause and no family of causes"]
-    assert [f.hint for f in faults] == ["did you mean 'grasp.missed'?"]
+    found = faults(body)
+    assert [f.message for f in found] == ["port 'of': 'grasp.mised' is no cause and no family of causes"]
+    assert [f.hint for f in found] == ["did you mean 'grasp.missed'?"]
 
 
 def test_for_attempt_takes_the_value_of_the_attempt_and_then_the_last() -> None:
@@ -115,9 +99,8 @@ Sequence:
   - ForAttempt: {attempt: 1, values: [30 N, 20 N], value: "{force}"}
   - Take: {object: a, force: "{force}"}
 """
-    faults = examine(read_document(FILE, "mission", text(body)), REGISTRY).faults
-    assert len(faults) == 1
-    assert "port 'force'" in faults[0].message
+    found = faults(body)
+    assert len(found) == 1
+    assert "port 'force'" in found[0].message
     empty = "ForAttempt: {attempt: 1, values: [], value: '{force}'}\n"
-    faults = examine(read_document(FILE, "mission", text(empty)), REGISTRY).faults
-    assert [f.message for f in faults if f.severity == "error"] == ["port 'values': there is no value"]
+    assert [f.message for f in faults(empty) if f.severity == "error"] == ["port 'values': there is no value"]

@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from textwrap import indent
 from typing import cast
 
-from picktree.recovery import NODES as RECOVERY
 from picktree.robot import World
 from picktree.robot.planning import DEFAULT_CHECK_BUDGET, NamedGoal, OffsetGoal, PlannerOverrides, Request
-from picktree.trees import Skill, Steps, build
-from picktree.trees.loading import NodeRegistry, parse_mission
+from picktree.trees import Skill, Steps
 from picktree.world import Failure, planning
 
-from ..trees.scripted import FILE, NODES, FakeWorld, Run, letters
+from ..trees.scripted import FakeWorld, Run, letters
+from . import scripted_recovery
 
 
 @dataclass
@@ -54,9 +52,7 @@ class Plans(Skill):
 
 
 def start(body: str, world: FakeWorld) -> Run:
-    text = "picktree: 1\nkind: mission\ntrees:\n  Main:\n" + indent(body, "    ")
-    registry = NodeRegistry((*NODES, *RECOVERY, Plans), installed=False)
-    return Run(build(parse_mission(text, FILE, registry), cast("World", world), {}), world)
+    return scripted_recovery.start(body, world, Plans)
 
 
 def test_the_manner_holds_in_the_child_s_ticks_only() -> None:
@@ -88,7 +84,6 @@ def test_it_answers_as_its_child() -> None:
     run = start(body, FakeWorld())
     assert letters(run.to_end()) == "RRS"
     assert letters(run.to_end()) == "RF"
-    assert run.tree.failure is not None
     assert str(run.tree.failure.cause) == "grasp.missed"
 
 

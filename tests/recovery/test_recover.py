@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 from textwrap import indent
-from typing import cast
 
-from picktree.recovery import Recover
-from picktree.robot import World
-from picktree.trees import NodeStatus, build
-from picktree.trees.loading import NodeRegistry, parse_mission
+from picktree.trees import NodeStatus
 
-from ..trees.scripted import FILE, NODES, FakeWorld, Run, letters
+from ..trees.scripted import FakeWorld, Run, letters
+from . import scripted_recovery
 
 
 def start(body: str, world: FakeWorld | None = None) -> Run:
-    world = world or FakeWorld()
-    text = "picktree: 1\nkind: mission\ntrees:\n  Main:\n    Recover:\n" + indent(body, "      ")
-    mission = parse_mission(text, FILE, NodeRegistry((*NODES, Recover), installed=False))
-    return Run(build(mission, cast("World", world), {}), world)
+    return scripted_recovery.start("Recover:\n" + indent(body, "  "), world)
 
 
 TABLE = """\
@@ -54,7 +48,6 @@ def test_when_all_attempts_are_used_up_the_last_cause_goes_up_with_the_others() 
     run = start(TABLE % ("grasp.missed|grasp.slipped|grasp.missed", "S"))
     assert run.to_end()[-1] is NodeStatus.FAILURE
     report = run.tree.failure
-    assert report is not None
     assert (str(report.cause), report.node) == ("grasp.missed", "Main/Recover/Do")
     assert [str(other.cause) for other in report.attached] == ["grasp.missed", "grasp.slipped"]
     assert run.trace.count("start Do") == 3
@@ -65,7 +58,6 @@ def test_a_failed_handler_ends_the_node_with_the_original_cause() -> None:
     run = start(TABLE % ("grasp.missed", "perception.not_found"))
     assert letters(run.to_end()) == "RF"
     report = run.tree.failure
-    assert report is not None
     assert str(report.cause) == "grasp.missed"
     assert [str(other.cause) for other in report.attached] == ["perception.not_found"]
 
@@ -74,7 +66,6 @@ def test_a_fault_of_the_program_is_never_handled() -> None:
     run = start(TABLE % ("crash", "S"))
     assert letters(run.to_end()) == "F"
     report = run.tree.failure
-    assert report is not None
     assert str(report.cause) == "internal.error"
     assert "start Else" not in run.trace
 
@@ -95,7 +86,6 @@ give_up: {Scripted: {name: Leave}}
     assert letters(run.to_end())[-1] == "F"
     assert run.trace.count("start Do") == 3
     assert run.trace.count("start Leave") == 1
-    assert run.tree.failure is not None
     assert str(run.tree.failure.cause) == "internal.error"
 
 
@@ -145,7 +135,6 @@ def test_what_is_handled_is_saved_and_restored_with_the_keys() -> None:
 def test_without_a_handler_the_cause_goes_up_at_once() -> None:
     run = start("do: {Scripted: {name: Do, script: safety.stop}}\nwhen: {grasp.*: [AlwaysSuccess]}\n")
     assert letters(run.to_end()) == "F"
-    assert run.tree.failure is not None
     assert str(run.tree.failure.cause) == "safety.stop"
 
 
@@ -161,14 +150,12 @@ def test_give_up_runs_before_the_node_fails_for_good() -> None:
     run = start(GIVE_UP % "RR S")
     assert letters(run.to_end()) == "RRRRF"
     assert run.trace.count("start Leave") == 1
-    assert run.tree.failure is not None
     assert str(run.tree.failure.cause) == "grasp.missed"
 
 
 def test_a_failed_give_up_is_attached() -> None:
     run = start(GIVE_UP % "control.timeout")
     run.to_end()
-    assert run.tree.failure is not None
     assert [str(r.cause) for r in run.tree.failure.attached] == ["grasp.missed", "control.timeout"]
 
 

@@ -52,19 +52,6 @@ WAYS: dict[str, tuple[str, dict[str, list[str]]]] = {
             "handled": ["grasp.missed"],
         },
     ),
-    "three attempts without giving up": (
-        """\
-        Recover:
-          do: {Look: {seen: "{s}"}}
-          otherwise: {Pick: {}}
-        """,
-        {
-            "success": ["s | empty", "s | full"],
-            "failure": ["s? | empty/full: perception.not_found", "s? | full: perception.not_found"],
-            "running": ["s? | empty/full"],
-            "handled": ["otherwise"],
-        },
-    ),
     "a number of attempts that nobody knows": (
         """\
         Sequence:
@@ -134,22 +121,6 @@ WAYS: dict[str, tuple[str, dict[str, list[str]]]] = {
             "never": ["Drop: ForAttempt never fails", "Pick: ForAttempt never fails with another cause"],
         },
     ),
-    "what cannot fail": (
-        """\
-        Recover:
-          do: AlwaysSuccess
-          when: {grasp.missed: Drop, control.*: Pick}
-          give_up: Look
-        """,
-        {
-            "success": ["| empty"],
-            "never": [
-                "Drop: AlwaysSuccess never fails",
-                "Pick: AlwaysSuccess never fails with another cause",
-                "Look: AlwaysSuccess never fails for good",
-            ],
-        },
-    ),
     "a fault of the program": (
         """\
         Recover:
@@ -169,20 +140,6 @@ WAYS: dict[str, tuple[str, dict[str, list[str]]]] = {
             ],
             "running": ["m s? | empty/full!", "m? | empty/full!", "s? | empty/full"],
             "handled": ["internal.error"],
-        },
-    ),
-    "any fault of the program": (
-        """\
-        Recover:
-          attempts: 1
-          do: Look
-          when: {internal.*: Pick}
-        """,
-        {
-            "success": ["| empty"],
-            "failure": ["| empty!: ~internal.error", "| empty: perception.not_found"],
-            "running": ["| empty"],
-            "never": ["Pick: Look may run once only, so there is no run after it"],
         },
     ),
     "what is skipped": (
@@ -296,15 +253,6 @@ WAYS: dict[str, tuple[str, dict[str, list[str]]]] = {
             "running": ["| empty/full"],
         },
     ),
-    "another value": (
-        """\
-        ForAttempt: {attempt: 1, values: [1], value: "{v}"}
-        """,
-        {
-            "success": ["v | empty"],
-            "failure": ["v? | empty!: "],
-        },
-    ),
     "an item set aside": (
         """\
         SetAside: {object: x}
@@ -322,15 +270,6 @@ WAYS: dict[str, tuple[str, dict[str, list[str]]]] = {
             "success": ["a | empty"],
             "failure": ["a? | empty: control.tracking, control.timeout, control.gripper, tree.given_up"],
             "running": ["a? | empty"],
-        },
-    ),
-    "a guard": (
-        """\
-        WouldLookingHelp: {cause: x}
-        """,
-        {
-            "success": ["| empty"],
-            "failure": ["| empty: no report"],
         },
     ),
 }

@@ -2,42 +2,28 @@
 
 from __future__ import annotations
 
-from typing import cast
-
-from picktree.recovery import RecoveryNode
-from picktree.robot import World
-from picktree.trees import NodeStatus, build
-from picktree.trees.loading import NodeRegistry, parse_mission
+from picktree.trees import NodeStatus
 from picktree.world import FailureReport
 
-from ..trees.scripted import CRASH_LINE, FILE, NODES, FakeWorld, Run, letters
+from ..trees.scripted import CRASH_LINE, Run, letters
+from . import scripted_recovery
 
 TEXT = """\
-picktree: 1
-kind: mission
-trees:
-  Main:
-    RecoveryNode:
-      number_of_retries: %s
-      do:
-        - Scripted: {name: Do, script: "%s"}
-        - Scripted: {name: Cure, script: "%s"}
+RecoveryNode:
+  number_of_retries: %s
+  do:
+    - Scripted: {name: Do, script: "%s"}
+    - Scripted: {name: Cure, script: "%s"}
 """
 
 
 def start(retries: int, tried: str, cure: str) -> Run:
-    world = FakeWorld()
-    mission = parse_mission(
-        TEXT % (retries, tried, cure), FILE, NodeRegistry((*NODES, RecoveryNode), installed=False)
-    )
-    return Run(build(mission, cast("World", world), {}), world)
+    return scripted_recovery.start(TEXT % (retries, tried, cure))
 
 
 def failed(run: Run) -> FailureReport:
     assert run.to_end()[-1] is NodeStatus.FAILURE
-    report = run.tree.failure
-    assert report is not None
-    return report
+    return run.tree.failure
 
 
 def test_a_recovery_node_fails_with_the_cause_that_was_not_cured() -> None:

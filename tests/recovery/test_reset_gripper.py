@@ -11,28 +11,24 @@ from picktree.simulation.fault_entries import AtTime, GripperJam
 from picktree.simulation.kinematic import KinematicHardware
 from picktree.world import Box, Cause, Failure, control, safety
 
-from ..skills.cell import Cell, items, mission
+from ..skills.cell import Cell, holding, looked, mission
 
 if TYPE_CHECKING:
     from picktree.trees import Doing
 
 
 def cell(body: str) -> tuple[Cell, KinematicHardware]:
-    made = Cell(mission("Observe: {camera: overhead}"), items(block=1))
-    made.finish()
+    made, _ = looked(block=1)
     made.start(mission(body))
     made.events.clear()
-    assert isinstance(made.hardware, KinematicHardware)
-    return made, made.hardware
+    return made, made.kinematic
 
 
 def ended(cell: Cell) -> tuple[str, float]:
     """What a mission failed of, empty when it succeeded, and how long it took."""
     began = cell.world.clock.now
     cell.finish()
-    failure = cell.tree.failure
-    told = f"{failure.cause}: {failure.message}" if failure else ""
-    return told, cell.world.clock.now - began
+    return cell.told, cell.world.clock.now - began
 
 
 def jam(hardware: KinematicHardware) -> None:
@@ -81,8 +77,7 @@ def test_fingers_that_never_follow_are_told(tries: int) -> None:
         f"control.gripper: after {tries} tries the fingers still do not follow: they closed from 80 mm "
         "to 80 mm only"
     )
-    assert made.tree.failure is not None
-    assert made.tree.failure.evidence == {"width": pytest.approx(0.08), "tries": tries}
+    assert made.failure.evidence == {"width": pytest.approx(0.08), "tries": tries}
     assert 2.0 * tries < seconds < 3.0 * tries
 
 
@@ -107,18 +102,12 @@ def test_something_between_the_fingers_may_take_half_of_their_way(wide: float, t
 
 
 def test_a_hand_that_holds_something_is_not_reset_unless_it_may_be_dropped() -> None:
-    made, hardware = cell("ResetGripper")
-    (block,) = (str(o.id) for o in made.world.scene.objects)
-    made.start(mission(f"Grasp: {{object: {block}, onward: false}}"))
-    made.finish()
-    made.start(mission("ResetGripper"))
-    assert ended(made)[0] == f"grasp.no_candidate: the hand is not free: it holds {block}"
-    assert made.tree.failure is not None
-    assert made.tree.failure.evidence == {"object": block, "held": block}
-    assert hardware.bodies.held is not None
-    made.start(mission("ResetGripper: {drop: true}"))
-    assert ended(made)[0] == ""
-    assert hardware.bodies.held is None
+    made, block = holding()
+    assert made.do("ResetGripper") == f"grasp.no_candidate: the hand is not free: it holds {block}"
+    assert made.failure.evidence == {"object": block, "held": block}
+    assert made.kinematic.bodies.held is not None
+    assert made.do("ResetGripper: {drop: true}") == ""
+    assert made.kinematic.bodies.held is None
     assert made.world.scene.held is None
 
 

@@ -16,7 +16,6 @@ from picktree.robot.planning import ContactPair, MotionPlan, OffsetGoal, PlanSer
 from picktree.simulation.kinematic import KinematicHardware
 from picktree.world import (
     Array,
-    BeliefObject,
     Box,
     Cause,
     Failure,
@@ -30,35 +29,12 @@ from picktree.world import (
 )
 from picktree.world.scene import Fixture
 
-from ..skills.cell import Cell, items, mission
+from ..skills.cell import Cell, holding, items, looked, mission
 
 if TYPE_CHECKING:
     from picktree.trees import Doing
 
 LOOK = "Observe: {camera: overhead}"
-
-
-def cell() -> Cell:
-    """A block that was seen, the arm at home."""
-    made = Cell(mission(LOOK), items(block=1))
-    made.finish()
-    return made
-
-
-def do(cell: Cell, body: str) -> tuple[str, str]:
-    """Status and cause of a mission."""
-    cell.start(mission(body))
-    cell.finish()
-    failure = cell.tree.failure
-    return cell.tree.status.value, "" if failure is None else str(failure.cause)
-
-
-def believe(cell: Cell, name: str, size: Vector3, at: Vector3) -> None:
-    """An obstacle that is not there."""
-    known = ("unknown", "unknown", Box(size), "grey", Pose(at))
-    cell.world.scene.put(
-        BeliefObject(*known, 0.002, 0.0, 1.0, 0.0, id=ObjectId(name), role="obstacle"), "test"
-    )
 
 
 def at(cell: Cell, pose: str) -> bool:
@@ -76,10 +52,10 @@ def beside_the_hand(cell: Cell) -> Vector3:
 
 
 def test_out_of_what_is_believed_about_the_hand_and_to_the_pose() -> None:
-    made = cell()
-    believe(made, "ghost", (0.08, 0.08, 0.08), beside_the_hand(made))
-    assert do(made, "GoTo: {pose: rest}") == ("FAILURE", "planning.start_in_collision")
-    assert do(made, "SafeRetreat: {pose: rest}") == ("SUCCESS", "")
+    made, _ = looked(block=1)
+    made.believe("ghost", (0.08, 0.08, 0.08), beside_the_hand(made))
+    assert made.do("GoTo: {pose: rest}").startswith("planning.start_in_collision: ")
+    assert made.do("SafeRetreat: {pose: rest}") == ""
     assert at(made, "rest")
 
 
@@ -87,13 +63,12 @@ def test_with_no_way_out_it_says_what_it_is_in_and_what_was_tried_and_stays(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("picktree.robot.manipulation.retreat.MAX_ESCAPE_LENGTH", 0.03)
-    made = cell()
+    made, _ = looked(block=1)
     x, y, z = made.world.control.tcp.position
-    believe(made, "ghost", (0.8, 0.8, 0.8), (x, y, z + 0.1))
+    made.believe("ghost", (0.8, 0.8, 0.8), (x, y, z + 0.1))
     before = made.world.control.state.position
-    assert do(made, "SafeRetreat: {pose: rest}") == ("FAILURE", "safety.no_retreat")
-    failure = made.tree.failure
-    assert failure is not None
+    assert made.do("SafeRetreat: {pose: rest}").startswith("safety.no_retreat: ")
+    failure = made.failure
     assert failure.message.startswith("there is no safe way to rest; the arm stays where it is: panda_")
     deep, tried = failure.evidence["depth"], failure.evidence["tried"]
     assert isinstance(deep, float)
@@ -111,10 +86,8 @@ def test_a_held_object_is_kept_dropped_or_put_down_as_asked() -> None:
         ("open", False, "table"),
         ("put_down", False, "table"),
     ):
-        made = cell()
-        item = block(made)
-        assert do(made, f"Grasp: {{object: {item}, onward: false}}") == ("SUCCESS", "")
-        assert do(made, f"SafeRetreat: {{hand: {hand}}}") == ("SUCCESS", "")
+        made, item = holding()
+        assert made.do(f"SafeRetreat: {{hand: {hand}}}") == ""
         assert at(made, "home")
         assert made.world.scene.get(item).place == where
         assert (made.world.scene.held is not None) is holds
@@ -124,12 +97,10 @@ def test_a_held_object_is_kept_dropped_or_put_down_as_asked() -> None:
 
 
 def test_what_is_put_down_stands_on_a_free_spot_when_the_nearest_is_taken() -> None:
-    made = cell()
-    item = block(made)
-    assert do(made, f"Grasp: {{object: {item}, onward: false}}") == ("SUCCESS", "")
+    made, _ = holding()
     x, y, _ = made.world.control.tcp.position
-    believe(made, "taken", (0.04, 0.04, 0.03), (x, y, 0.015))
-    assert do(made, "SafeRetreat: {hand: put_down}") == ("SUCCESS", "")
+    made.believe("taken", (0.04, 0.04, 0.03), (x, y, 0.015))
+    assert made.do("SafeRetreat: {hand: put_down}") == ""
     (body,) = made.hardware.truth()
     assert 0.04 < np.hypot(body.pose.position[0] - x, body.pose.position[1] - y) < 0.3
     assert body.pose.position[2] == pytest.approx(0.02, abs=0.004)
@@ -138,9 +109,7 @@ def test_what_is_put_down_stands_on_a_free_spot_when_the_nearest_is_taken() -> N
 def test_nothing_is_put_down_where_the_arm_has_no_room_on_the_way_down(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    made = cell()
-    item = block(made)
-    assert do(made, f"Grasp: {{object: {item}, onward: false}}") == ("SUCCESS", "")
+    made, _ = holding()
     x, y, _ = made.world.control.tcp.position
     solve, lines = PlanService.solve, list[Array]()
 
@@ -152,7 +121,7 @@ def test_nothing_is_put_down_where_the_arm_has_no_room_on_the_way_down(
         return (yield from solve(plans, request, node=node))
 
     monkeypatch.setattr(PlanService, "solve", no_first_line)
-    assert do(made, "SafeRetreat: {hand: put_down}") == ("SUCCESS", "")
+    assert made.do("SafeRetreat: {hand: put_down}") == ""
     assert len(lines) == 2
     (body,) = made.hardware.truth()
     assert np.hypot(body.pose.position[0] - x, body.pose.position[1] - y) > 0.04
@@ -170,30 +139,12 @@ def test_nothing_is_put_down_where_the_hand_has_no_room_next_to_a_fixture() -> N
         made = Cell(mission(LOOK), replace(scene, fixtures=(*scene.fixtures, *(posts if high else ()))))
         made.finish()
         item = block(made)
-        assert do(made, f"Grasp: {{object: {item}, onward: false}}") == ("SUCCESS", "")
+        assert made.do(f"Grasp: {{object: {item}, onward: false}}") == ""
         held = made.world.scene.get(ObjectId(item))
         there = replace(held, pose=Pose((x, y, held.pose.position[2]), held.pose.orientation))
         nearest.append(min(np.hypot(spot[0] - x, spot[1] - y) for spot in _free_spots(made.world, there)))
     assert nearest[0] > 0.09
     assert nearest[1] == pytest.approx(0.0, abs=1e-9)
-
-
-def test_what_was_to_be_kept_and_is_gone_is_said() -> None:
-    made = cell()
-    item = block(made)
-    assert do(made, f"Grasp: {{object: {item}, onward: false}}") == ("SUCCESS", "")
-    made.hardware.remove(str(made.hardware.truth()[0].id))
-    assert do(made, "SafeRetreat") == ("FAILURE", "grasp.slipped")
-    assert at(made, "home")
-    assert made.world.scene.held is None
-
-
-def test_a_stop_is_acknowledged_and_none_is_latched_at_the_end() -> None:
-    made = cell()
-    made.world.control.monitor.check_tool((2.0, 0.0, 0.5))
-    assert do(made, "SafeRetreat: {pose: rest}") == ("SUCCESS", "")
-    assert made.world.control.monitor.stopped is None
-    assert [e.partition(":")[0] for e in made.happened("safety_acknowledged")] == ["safety_acknowledged"]
 
 
 @pytest.mark.parametrize("touches", [1, 3], ids=["on the way home", "going back and up, too"])
@@ -206,8 +157,8 @@ def test_what_is_touched_on_the_way_home_is_left_and_gone_around(
 
     from picktree.robot.control import ArmMotion, JointImpedanceResult
 
-    made = cell()
-    assert do(made, "GoTo: {pose: rest}") == ("SUCCESS", "")
+    made, _ = looked(block=1)
+    assert made.do("GoTo: {pose: rest}") == ""
     followed, met = ArmMotion.softly, list[bool]()
 
     def meets(self: ArmMotion, *given: object, **more: object) -> Doing[JointImpedanceResult]:
@@ -217,7 +168,7 @@ def test_what_is_touched_on_the_way_home_is_left_and_gone_around(
         return replace(result, completed=False, touched=True, force=7.0) if touched else result
 
     monkeypatch.setattr(ArmMotion, "softly", meets)
-    assert do(made, "SafeRetreat: {pose: home}") == ("SUCCESS", "")
+    assert made.do("SafeRetreat: {pose: home}") == ""
     assert at(made, "home")
     assert len(met) > touches
 
@@ -263,9 +214,12 @@ class Ways:
     def _contacts(self) -> tuple[ContactPair, ...]:
         return self.contacts.pop(0) if len(self.contacts) > 1 else self.contacts[0]
 
-    def failure(self, body: str = "SafeRetreat") -> FailureReport | None:
-        do(self.cell, body)
-        return self.cell.tree.failure
+    def succeed(self, body: str = "SafeRetreat") -> bool:
+        return self.cell.do(body) == ""
+
+    def refused(self, body: str = "SafeRetreat") -> FailureReport:
+        assert not self.succeed(body)
+        return self.cell.failure
 
 
 def pairs(*depths: float) -> tuple[ContactPair, ...]:
@@ -275,10 +229,9 @@ def pairs(*depths: float) -> tuple[ContactPair, ...]:
 def test_where_no_way_leads_out_it_looks_and_stays_if_all_is_as_before(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    ways = Ways(cell(), monkeypatch, False)
+    ways = Ways(looked(block=1)[0], monkeypatch, False)
     ways.contacts = [pairs(0.02)]
-    failure = ways.failure()
-    assert failure is not None
+    failure = ways.refused()
     assert str(failure.cause) == "safety.no_retreat"
     assert (ways.said, ways.looks) == (["out"], 1)
 
@@ -288,17 +241,15 @@ def test_where_something_is_otherwise_it_tries_to_get_out_anew(
     why: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for second in (True, False):
-        ways = Ways(cell(), monkeypatch, False, second, touched="touched" in why)
+        ways = Ways(looked(block=1)[0], monkeypatch, False, second, touched="touched" in why)
         ways.contacts = [pairs(0.02)] if "touched" in why else [pairs(0.02), ()]
-        failure = ways.failure()
-        assert (failure is None) is second
+        assert ways.succeed() is second
         assert ways.said == ["out", "anew", "out", *(["home"] if second else [])]
 
 
 def test_without_a_way_home_it_says_what_was_tried(monkeypatch: pytest.MonkeyPatch) -> None:
-    ways = Ways(cell(), monkeypatch, True, home=False)
-    failure = ways.failure("SafeRetreat: {pose: rest}")
-    assert failure is not None
+    ways = Ways(looked(block=1)[0], monkeypatch, True, home=False)
+    failure = ways.refused("SafeRetreat: {pose: rest}")
     assert failure.message == "there is no safe way to rest; the arm stays where it is: to home: no way"
     assert failure.evidence == {
         "in_the_way": [], "depth": 0.0, "tried": ["to home: no way"], "pressed": failure.evidence["pressed"]
@@ -307,10 +258,9 @@ def test_without_a_way_home_it_says_what_was_tried(monkeypatch: pytest.MonkeyPat
 
 
 def test_the_first_three_things_in_the_way_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    ways = Ways(cell(), monkeypatch, False)
+    ways = Ways(looked(block=1)[0], monkeypatch, False)
     ways.contacts = [pairs(0.004, -0.001, 0.0, 0.0307, 0.002, 0.001)]
-    failure = ways.failure()
-    assert failure is not None
+    failure = ways.refused()
     named = [f"link_{n} at ghost_{n} ({deep} mm deep)" for n, deep in ((0, 4), (3, 31), (4, 2), (5, 1))]
     assert failure.message == (
         f"there is no safe way to home; the arm stays where it is: {', '.join(named[:3])} in the way"
@@ -321,10 +271,9 @@ def test_the_first_three_things_in_the_way_are_named(monkeypatch: pytest.MonkeyP
 
 def test_what_is_near_is_not_in_the_way_and_the_time_may_be_over(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("picktree.recovery.safe_retreat.RETREAT_TIME_LIMIT", 0.0)
-    ways = Ways(cell(), monkeypatch, False)
+    ways = Ways(looked(block=1)[0], monkeypatch, False)
     ways.contacts = [pairs(-0.001)]
-    failure = ways.failure()
-    assert failure is not None
+    failure = ways.refused()
     assert failure.message == (
         "there is no safe way to home in time; the arm stays where it is: nothing could be tried"
     )
@@ -339,16 +288,8 @@ def test_a_minute_and_a_half_is_enough_to_look_for_ways(monkeypatch: pytest.Monk
         init(self, world, node, deadline)
 
     monkeypatch.setattr(RetreatMotion, "__init__", noting)
-    assert do(cell(), "SafeRetreat") == ("SUCCESS", "")
+    assert looked(block=1)[0].do("SafeRetreat") == ""
     assert deadlines == [pytest.approx(90.0)]
-
-
-def holding() -> tuple[Cell, str]:
-    made = cell()
-    item = block(made)
-    assert do(made, f"Grasp: {{object: {item}, onward: false}}") == ("SUCCESS", "")
-    assert made.world.control.wrist.payload is not None
-    return made, item
 
 
 @pytest.mark.parametrize("drops", [False, True])
@@ -369,16 +310,16 @@ def test_what_cannot_be_put_down_is_told_at_home(
 
     monkeypatch.setattr("picktree.robot.manipulation.retreat.put_down", refuses)
     made.events.clear()
-    assert do(made, "SafeRetreat: {hand: put_down}")[1] == (cause.name if drops else "place.occupied")
+    told_at_home = made.do("SafeRetreat: {hand: put_down}")
     assert at(made, "home")
     assert len(made.happened("safety_acknowledged")) == 1
-    failure = made.tree.failure
-    assert failure is not None
     if drops or cause is place.OCCUPIED:
-        assert (failure.message, failure.evidence) == ("it did not go", {"object": item})
+        assert told_at_home == f"{cause.name}: it did not go"
+        assert made.failure.evidence == {"object": item}
     else:
-        assert failure.message == f"{item} cannot be put down: it did not go; it is still in the hand"
-        assert failure.evidence == {"object": item, "because": "control.timeout"}
+        still = f"place.occupied: {item} cannot be put down: it did not go; it is still in the hand"
+        assert told_at_home == still
+        assert made.failure.evidence == {"object": item, "because": "control.timeout"}
 
 
 @pytest.mark.parametrize("room", [True, False])
@@ -399,7 +340,7 @@ def test_fingers_open_where_they_have_room(room: bool, monkeypatch: pytest.Monke
         return opens(*given)
 
     monkeypatch.setattr(made.world.gripper, "open", opening)
-    assert ways.failure("SafeRetreat: {hand: open}") is None
+    assert ways.succeed("SafeRetreat: {hand: open}")
     assert ways.said == (["open", "out", "home"] if room else ["out", "open", "home"])
     assert asked == [(0.08, (item,))]
     assert made.world.scene.held is None
@@ -421,8 +362,7 @@ def test_fingers_that_do_not_open_may_do_so_further_away(
         return opens(*given)
 
     monkeypatch.setattr(made.world.gripper, "open", opening)
-    failure = ways.failure("SafeRetreat: {hand: open}")
-    assert failure is not None
+    failure = ways.refused("SafeRetreat: {hand: open}")
     if cause is control.TIMEOUT:
         assert str(failure.cause) == "control.timeout"
         assert ways.said == []
@@ -438,7 +378,7 @@ def test_fingers_that_have_met_hold_nothing_whatever_is_believed(monkeypatch: py
     made.hardware.remove(made.hardware.truth()[0].id)
     made.hardware.gripper.width = made.hardware.gripper.target = 0.0
     made.wait()
-    assert do(made, "SafeRetreat") == ("SUCCESS", "")  # and not grasp.slipped: it was not to be kept
+    assert made.do("SafeRetreat") == ""  # and not grasp.slipped: it was not to be kept
     assert made.world.scene.held is None
     assert made.world.control.wrist.payload is None
 
@@ -446,9 +386,9 @@ def test_fingers_that_have_met_hold_nothing_whatever_is_believed(monkeypatch: py
 def test_what_was_to_be_kept_and_slipped_on_the_way_weighs_nothing_any_more() -> None:
     made, item = holding()
     made.hardware.remove(str(made.hardware.truth()[0].id))
-    assert do(made, "SafeRetreat") == ("FAILURE", "grasp.slipped")
-    failure = made.tree.failure
-    assert failure is not None
-    assert failure.message.startswith(f"{item} was to be kept and is gone: opening 0.0 mm, load ")
-    assert set(failure.evidence) == {"object", "width", "load"}
+    told = f"grasp.slipped: {item} was to be kept and is gone: opening 0.0 mm, load "
+    assert made.do("SafeRetreat").startswith(told)
+    assert set(made.failure.evidence) == {"object", "width", "load"}
+    assert at(made, "home")
+    assert made.world.scene.held is None
     assert made.world.control.wrist.payload is None

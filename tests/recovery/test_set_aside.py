@@ -18,10 +18,7 @@ def cell() -> tuple[Cell, str]:
 
 
 def give_up(cell: Cell, item: str, ports: str = "") -> str:
-    cell.start(mission(f"SetAside: {{object: {item}{ports}}}"))
-    cell.finish()
-    failure = cell.tree.failure
-    return f"{failure.cause}: {failure.message}" if failure else ""
+    return cell.do(f"SetAside: {{object: {item}{ports}}}")
 
 
 def test_an_item_that_is_given_up_is_not_to_be_done() -> None:

@@ -57,9 +57,9 @@ def at_home(cell: Cell) -> bool:
 
 def grasped(cell: Cell) -> str:
     item = str(next(o.id for o in cell.world.scene.objects))
-    cell.start(mission(f"Sequence: [{{Grasp: {{object: {item}, onward: false}}}}, {{GoTo: {{pose: rest}}}}]"))
-    cell.finish()
-    assert cell.tree.failure is None
+    assert (
+        cell.do(f"Sequence: [{{Grasp: {{object: {item}, onward: false}}}}, {{GoTo: {{pose: rest}}}}]") == ""
+    )
     return item
 
 
@@ -73,8 +73,7 @@ def forget_the_hand(cell: Cell, item: str) -> None:
 
 def test_with_an_empty_hand_it_goes_home_and_looks() -> None:
     made, _ = cell(block=1, can=1)
-    made.start(mission("GoTo: {pose: rest}"))
-    made.finish()
+    made.do("GoTo: {pose: rest}")
     looks = made.world.vision.observations
     found, notes = stock(made)
     assert found == ResyncReport((), (), False)

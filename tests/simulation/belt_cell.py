@@ -12,8 +12,9 @@ from picktree.simulation.physics import PhysicsHardware
 from picktree.world import Box, Cylinder, ObjectId, Pose, Quaternion, Sphere, Vector3, bottom
 from picktree.world.scene import Belt, CatalogueEntry, Fixture, SceneDescription, Spawn
 
-from .simulated_cell import WEDGE, cell, panda
+from .simulated_cell import WEDGE, cell
 from .test_simulation_physics import SILENT
+from .test_simulation_sleeping import standing
 
 BELT = ObjectId("belt")
 TOP = 0.05
@@ -65,21 +66,7 @@ def on_belt(
     scene: SceneDescription, along: Sequence[float], turns: Sequence[Quaternion] = ()
 ) -> PhysicsHardware:
     """The scene in physics with its items there, awake and at rest."""
-    hardware = PhysicsHardware(scene, panda(), 0)
-    saved = hardware.checkpoint()
-    still = (0.0, 0.0, 0.0)
-    items = tuple(
-        replace(
-            item,
-            position=pose.position,
-            orientation=pose.orientation,
-            velocity=still,
-            spin=still,
-            asleep=False,
-        )
-        for item, pose in zip(saved.items, lying(scene, along, turns), strict=True)
-    )
-    hardware.restore(replace(saved, items=items))
+    hardware = standing(scene, *lying(scene, along, turns))
     wait(hardware, 0.5)
     return hardware
 

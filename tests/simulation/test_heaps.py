@@ -222,8 +222,8 @@ def look_down(height: float) -> Pose:
     return Pose.from_rotation((0.0, 0.0, height), np.diag((1.0, -1.0, -1.0)))
 
 
-@pytest.mark.parametrize("turn", [0.0, 0.4, 1.3, 2.8])
-@pytest.mark.parametrize("number", [0, 3, 41])
+@pytest.mark.parametrize("turn", [0.4, 2.8])
+@pytest.mark.parametrize("number", [0, 41])
 def test_a_tag_is_read_where_it_is(number: int, turn: float):
     picture, camera = tagged(number, turn)
     sight = PosedCamera.at(camera.intrinsics, camera.pose)

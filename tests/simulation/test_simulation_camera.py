@@ -13,15 +13,24 @@ from picktree.world.scene import CameraDescription, Fixture, SceneDescription
 
 from .simulated_cell import cell, looking_down, panda
 
+BLOCK = Fixture(ObjectId("block"), Box((0.1, 0.06, 0.05)), Pose((0.6, 0.0, 0.025)), "white")
 
-def clean(camera: CameraDescription) -> CameraDescription:
-    return replace(camera, depth_noise=0.0, edge_dropout=0.0)
+
+def noiseless(view: Pose) -> CameraDescription:
+    return CameraDescription("overhead", view, size=(320, 240), fov=1.0472, depth_noise=0.0, edge_dropout=0.0)
 
 
 def one_block(block: Fixture, camera: CameraDescription) -> SceneDescription:
     """The table with a known block, the arm far behind."""
     table = cell().fixtures[0]
     return cell(fixtures=(table, block), bins=(), spawn=(), cameras=(camera,))
+
+
+def top_of_block(image: RgbdImage) -> Array:
+    """Points (n, 2) of BLOCK's top."""
+    points = world_points(image)
+    top = points[points[:, :, 2] > 0.045][:, :2]
+    return top[np.abs(top - (0.6, 0.0)).max(axis=1) < 0.1]
 
 
 def world_points(image: RgbdImage) -> Array:
@@ -46,10 +55,7 @@ def capture(scene: SceneDescription, seed: int = 0) -> RgbdImage:
 )
 def test_the_pixels_of_a_known_block_lie_on_its_top(view: Pose):
     block = Fixture(ObjectId("block"), Box((0.12, 0.08, 0.05)), Pose((0.62, 0.05, 0.025)), "white")
-    camera = CameraDescription(
-        "overhead", view, size=(320, 240), fov=1.0472, depth_noise=0.0, edge_dropout=0.0
-    )
-    points = world_points(capture(one_block(block, camera)))
+    points = world_points(capture(one_block(block, noiseless(view))))
     near = np.abs(points[:, :, :2] - (0.62, 0.05)).max(axis=2) < 0.1
     height = points[:, :, 2]
     top = points[near & (np.abs(height - 0.05) < 1e-4)]
@@ -62,19 +68,8 @@ def test_the_pixels_of_a_known_block_lie_on_its_top(view: Pose):
 
 
 def test_the_mean_of_the_covered_pixels_is_the_middle_of_the_block():
-    block = Fixture(ObjectId("block"), Box((0.1, 0.06, 0.05)), Pose((0.6, 0.0, 0.025)), "white")
-    camera = CameraDescription(
-        "overhead",
-        looking_down(0.6, 0.0, 0.75),
-        size=(320, 240),
-        fov=1.0472,
-        depth_noise=0.0,
-        edge_dropout=0.0,
-    )
-    points = world_points(capture(one_block(block, camera)))
-    top = points[points[:, :, 2] > 0.045]
-    top = top[np.abs(top[:, :2] - (0.6, 0.0)).max(axis=1) < 0.1]
-    assert np.abs(top[:, :2].mean(axis=0) - (0.6, 0.0)).max() < 0.0005
+    top = top_of_block(capture(one_block(BLOCK, noiseless(looking_down(0.6, 0.0, 0.75)))))
+    assert np.abs(top.mean(axis=0) - (0.6, 0.0)).max() < 0.0005
 
 
 def test_depth_noise_has_its_deviation_and_grows_with_the_square_of_the_depth():
@@ -112,23 +107,11 @@ def test_each_shot_has_noise_of_its_own_and_the_same_in_every_run():
 
 
 def test_a_camera_that_is_off_still_reports_the_pose_that_everybody_believes():
-    block = Fixture(ObjectId("block"), Box((0.1, 0.06, 0.05)), Pose((0.6, 0.0, 0.025)), "white")
-    camera = CameraDescription(
-        "overhead",
-        looking_down(0.6, 0.0, 0.75),
-        size=(320, 240),
-        fov=1.0472,
-        depth_noise=0.0,
-        edge_dropout=0.0,
-    )
-    off = replace(camera, error=Pose((0.008, 0.0, 0.0)))
-    image = capture(one_block(block, off))
+    camera = noiseless(looking_down(0.6, 0.0, 0.75))
+    image = capture(one_block(BLOCK, replace(camera, error=Pose((0.008, 0.0, 0.0)))))
     assert image.camera_in_world == camera.pose
-    points = world_points(image)
-    top = points[points[:, :, 2] > 0.045]
-    top = top[np.abs(top[:, :2] - (0.6, 0.0)).max(axis=1) < 0.1]
     shift = camera.pose.rotation() @ np.array([-0.008, 0.0, 0.0])
-    assert top[:, :2].mean(axis=0) == pytest.approx(np.array([0.6, 0.0]) + shift[:2], abs=0.001)
+    assert top_of_block(image).mean(axis=0) == pytest.approx(np.array([0.6, 0.0]) + shift[:2], abs=0.001)
 
 
 def test_items_show_their_colour_and_the_rest_of_the_world_is_grey():

@@ -37,8 +37,20 @@ def resumed(saved: str) -> str:
 
 
 def test_a_resumed_run_continues_bit_for_bit_in_another_process(elsewhere: OtherProcess):
+    """A checkpoint changes nothing that can be seen at once, and survives JSON exactly."""
     hardware = disturbed()
-    saved = json.dumps(hardware.checkpoint().to_plain())
+    before = (hardware.wrench.read(), hardware.gripper.read(), hardware.clock.now)
+    joints, truth = hardware.arm.read(), hardware.truth()
+    checkpoint = hardware.checkpoint()
+    assert (hardware.wrench.read(), hardware.gripper.read(), hardware.clock.now) == before
+    assert np.array_equal(hardware.arm.read().position, joints.position)
+    assert np.array_equal(hardware.arm.read().effort, joints.effort)
+    for one, other in zip(truth, hardware.truth(), strict=True):
+        assert one.pose.position == other.pose.position
+        assert one.pose.orientation == pytest.approx(other.pose.orientation, abs=1e-14)
+        assert one.velocity == pytest.approx(other.velocity, abs=1e-14)
+    saved = json.dumps(checkpoint.to_plain())
+    assert Checkpoint.from_plain(json.loads(saved)) == checkpoint
     assert elsewhere.call(resumed, saved) == digest(hardware, 60)
 
 
@@ -55,20 +67,6 @@ def test_a_run_under_torque_is_resumed_as_well():
         again.step()
     assert again.arm.read().position.tobytes() == hardware.arm.read().position.tobytes()
     assert again.truth() == hardware.truth()
-
-
-def test_a_checkpoint_changes_nothing_that_can_be_seen_at_once():
-    hardware = disturbed()
-    before = (hardware.wrench.read(), hardware.gripper.read(), hardware.clock.now)
-    joints, truth = hardware.arm.read(), hardware.truth()
-    hardware.checkpoint()
-    assert (hardware.wrench.read(), hardware.gripper.read(), hardware.clock.now) == before
-    assert np.array_equal(hardware.arm.read().position, joints.position)
-    assert np.array_equal(hardware.arm.read().effort, joints.effort)
-    for one, other in zip(truth, hardware.truth(), strict=True):
-        assert one.pose.position == other.pose.position
-        assert one.pose.orientation == pytest.approx(other.pose.orientation, abs=1e-14)
-        assert one.velocity == pytest.approx(other.velocity, abs=1e-14)
 
 
 def test_items_at_rest_stay_at_rest_through_checkpoints():
@@ -96,20 +94,15 @@ def test_faults_survive_a_checkpoint():
         again.remove("item_05")
 
 
-def test_a_checkpoint_survives_json_exactly():
-    saved = disturbed().checkpoint()
-    assert Checkpoint.from_plain(json.loads(json.dumps(saved.to_plain()))) == saved
-
-
 def test_a_checkpoint_of_another_run_is_refused():
     saved = PhysicsHardware(cell(), panda(), 4).checkpoint()
-    with pytest.raises(PicktreeError) as error:
-        PhysicsHardware.resume(cell(), panda(), 5, saved)
-    assert str(error.value) == "the checkpoint is of seed 4, but this run has seed 5"
-    with pytest.raises(PicktreeError, match="but the scene spawns"):
-        PhysicsHardware.resume(cell(spawn=()), panda(), 4, saved)
-    with pytest.raises(PicktreeError, match="but the scene has"):
-        PhysicsHardware.resume(cell(cameras=()), panda(), 4, saved)
+    for scene, seed, words in (
+        (cell(), 5, "^the checkpoint is of seed 4, but this run has seed 5$"),
+        (cell(spawn=()), 4, "but the scene spawns"),
+        (cell(cameras=()), 4, "but the scene has"),
+    ):
+        with pytest.raises(PicktreeError, match=words):
+            PhysicsHardware.resume(scene, panda(), seed, saved)
 
 
 def test_what_is_no_checkpoint_is_refused():

@@ -8,10 +8,12 @@ import pytest
 
 from picktree.files import PicktreeError
 from picktree.simulation import FaultInjector, parse_faults
+from picktree.simulation.kinematic import KinematicHardware
 from picktree.simulation.physics import PhysicsHardware
 
 from .simulated_cell import cell, panda
 
+Hardware = PhysicsHardware | KinematicHardware
 FILE = """
 picktree: 1
 kind: faults
@@ -24,20 +26,24 @@ faults:
 """
 
 
-def injector(hardware: PhysicsHardware) -> FaultInjector:
-    faults = parse_faults(FILE, Path("faults.yaml"))
+def cell_with_faults(backend: type[Hardware] = KinematicHardware) -> tuple[Hardware, FaultInjector]:
+    hardware = backend(cell(), panda(), 1)
+    return hardware, injector(hardware)
+
+
+def injector(hardware: Hardware) -> FaultInjector:
     near = hardware.truth()[7].pose.position
-    return FaultInjector(faults, hardware, lambda path: near if path.endswith("Place") else None)
+    file = parse_faults(FILE, Path("faults.yaml"))
+    return FaultInjector(file, hardware, lambda path: near if path.endswith("Place") else None)
 
 
-def wait(hardware: PhysicsHardware, seconds: float) -> None:
+def wait(hardware: Hardware, seconds: float) -> None:
     for _ in range(round(seconds * 240)):
         hardware.step()
 
 
 def test_a_fault_at_a_time_happens_once():
-    hardware = PhysicsHardware(cell(), panda(), 1)
-    faults = injector(hardware)
+    hardware, faults = cell_with_faults()
     assert faults.tick() == ()
     wait(hardware, 0.1)
     (happened,) = faults.tick()
@@ -50,8 +56,7 @@ def test_a_fault_at_a_time_happens_once():
 
 
 def test_a_fault_waits_for_the_second_start_of_its_node():
-    hardware = PhysicsHardware(cell(), panda(), 1)
-    faults = injector(hardware)
+    _, faults = cell_with_faults()
     faults.node_started("Main/SortOne/Grasp")
     assert faults.tick() == ()
     faults.node_started("Main/SortOne/Grasp")
@@ -61,8 +66,7 @@ def test_a_fault_waits_for_the_second_start_of_its_node():
 
 
 def test_a_bump_comes_after_its_delay_and_sets_the_item_in_motion():
-    hardware = PhysicsHardware(cell(), panda(), 1)
-    faults = injector(hardware)
+    hardware, faults = cell_with_faults(PhysicsHardware)
     faults.node_started("Main/Observe")
     assert faults.tick() == ()
     wait(hardware, 0.05)
@@ -73,25 +77,18 @@ def test_a_bump_comes_after_its_delay_and_sets_the_item_in_motion():
     assert hardware.truth()[6].pose.position[0] - start.position[0] > 0.03
 
 
-def test_the_item_nearest_to_the_nodes_object_is_meant():
-    hardware = PhysicsHardware(cell(), panda(), 1)
-    faults = injector(hardware)
-    faults.node_started("Main/SortOne/Place")
-    (happened,) = faults.tick()
-    assert happened.data["item"] == "item_07"
-
-
-def test_a_fault_that_fits_nothing_says_so():
-    hardware = PhysicsHardware(cell(), panda(), 1)
-    faults = injector(hardware)
-    faults.node_started("GoTo")
-    (happened,) = faults.tick()
-    assert happened.message == "remove: no item fits"
+@pytest.mark.parametrize(
+    ("node", "said"),
+    [("Main/SortOne/Place", "item_07 is snatched away"), ("GoTo", "remove: no item fits")],
+)
+def test_the_item_nearest_to_the_nodes_object_is_meant_and_none_that_does_not_fit(node: str, said: str):
+    _, faults = cell_with_faults()
+    faults.node_started(node)
+    assert [happened.message for happened in faults.tick()] == [said]
 
 
 def test_what_has_happened_does_not_happen_again_after_a_restore():
-    hardware = PhysicsHardware(cell(), panda(), 1)
-    faults = injector(hardware)
+    hardware, faults = cell_with_faults()
     faults.node_started("Main/SortOne/Grasp")
     wait(hardware, 0.1)
     faults.tick()

@@ -6,6 +6,7 @@ import hashlib
 import subprocess
 import sys
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -89,33 +90,22 @@ def go(hardware: PhysicsHardware, target: np.ndarray, duration: float) -> None:
         hardware.step()
 
 
-def test_two_instances_of_one_process_do_not_disturb_each_other():
-    one, other = PhysicsHardware(cell(), panda(), 5), PhysicsHardware(cell(), panda(), 6)
-    for _ in range(10):
-        other.step()
-    alone = digest(PhysicsHardware(cell(), panda(), 5), 60)
-    assert digest(one, 60) == alone
-    assert digest(other, 60) != alone
-
-
+@cache
 def digest_alone() -> str:
     """Of a cell that has the process for itself."""
     return digest(PhysicsHardware(cell(), panda(), 5), 60)
 
 
+def test_two_instances_of_one_process_do_not_disturb_each_other():
+    one, other = PhysicsHardware(cell(), panda(), 5), PhysicsHardware(cell(), panda(), 6)
+    for _ in range(10):
+        other.step()
+    assert digest(one, 60) == digest_alone()
+    assert digest(other, 60) != digest_alone()
+
+
 def test_another_process_with_another_hash_seed_gives_the_same_bits(elsewhere: OtherProcess):
     assert elsewhere.call(digest_alone) == digest_alone()
-
-
-def test_items_lie_still_for_ten_seconds():
-    hardware = PhysicsHardware(cell(), panda(), 2)
-    assert hardware.clock.now == 0.0
-    for _ in range(2400):
-        hardware.step()
-    assert hardware.clock.now == pytest.approx(10.0)
-    for before, after in zip(hardware.initial_truth, hardware.truth(), strict=True):
-        assert before.pose.distance(after.pose) < 0.001, after.kind
-        assert before.pose.position[2] > 0.0
 
 
 def test_tumbled_items_fall_and_come_to_rest_before_time_zero():
@@ -166,7 +156,7 @@ def test_a_load_adds_its_weight_and_a_table_that_pushes_up_takes_from_it():
 
 @pytest.mark.parametrize(
     ("mass", "friction", "force", "holds"),
-    [(0.1, 0.6, 30.0, True), (1.0, 0.2, 30.0, True), (1.0, 0.12, 30.0, False), (0.5, 0.05, 30.0, False)],
+    [(0.1, 0.6, 30.0, True), (1.0, 0.2, 30.0, True), (1.0, 0.12, 30.0, False)],
 )
 def test_friction_holds_as_coulomb_says(mass: float, friction: float, force: float, holds: bool):
     assert (2 * friction * force > mass * 9.81) is holds
@@ -298,11 +288,6 @@ def test_items_of_one_hull_share_its_shapes_and_none_is_enlarged() -> None:
     (nearest, *_) = pb.getClosestPoints(*bodies, 1.0, physicsClientId=owner.id)
     assert len(known) == 1
     assert nearest[8] == pytest.approx(0.2 - 0.04, abs=1e-4)  # pybullet enlarges a hull by 1 mm unless told
-
-
-def test_items_have_the_ids_of_their_spawning():
-    hardware = PhysicsHardware(cell(), panda(), 0)
-    assert [b.id for b in hardware.truth()] == [ObjectId(f"item_{k:02d}") for k in range(10)]
 
 
 def test_the_engine_is_imported_without_a_word():

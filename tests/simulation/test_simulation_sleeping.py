@@ -16,7 +16,6 @@ from picktree.world.scene import CatalogueEntry, Form, SceneDescription, Spawn
 from .simulated_cell import cell, panda
 from .test_simulation_physics import SILENT, down_at, go, held_block, lifted
 
-UPRIGHT: Quaternion = (0.0, 0.0, 0.0, 1.0)
 CUBE = Box((0.04, 0.04, 0.04))
 
 
@@ -34,17 +33,19 @@ def standing(
 ) -> PhysicsHardware:
     """The scene with its items, all awake, at these poses."""
     hardware = PhysicsHardware(scene, panda(), 0)
-    saved = hardware.checkpoint()
+    saved, still = hardware.checkpoint(), (0.0, 0.0, 0.0)
     items = tuple(
         replace(
             item,
             position=pose.position,
             orientation=pose.orientation,
-            velocity=(velocities or {}).get(n, (0.0, 0.0, 0.0)),
-            spin=(0.0, 0.0, 0.0),
+            velocity=speed,
+            spin=still,
             asleep=False,
         )
-        for n, (item, pose) in enumerate(zip(saved.items, poses, strict=True))
+        for item, pose, speed in zip(
+            saved.items, poses, ((velocities or {}).get(n, still) for n in range(len(poses))), strict=True
+        )
     )
     hardware.restore(replace(saved, items=items))
     return hardware
@@ -71,7 +72,7 @@ def tower() -> PhysicsHardware:
     return hardware
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_everything_sleeps_at_time_zero_and_sleeps_on(seed: int):
     hardware = PhysicsHardware(cell(), panda(), seed)
     before = hardware.truth()
@@ -161,7 +162,7 @@ def test_a_bump_that_no_step_has_followed_yet_is_in_the_checkpoint():
     assert hardware.truth()[0].pose.position[0] > 0.54
 
 
-@pytest.mark.parametrize("speed", [0.001, 0.02, 0.1])
+@pytest.mark.parametrize("speed", [0.001, 0.1])
 def test_what_slides_slowly_is_not_frozen(speed: float):
     ice = scene_of(CUBE, friction=0.0)
     hardware = standing(ice, Pose((0.5, 0.0, 0.02)), velocities={0: (speed, 0.0, 0.0)})

@@ -22,7 +22,7 @@ def test_the_same_seed_gives_the_same_items_and_another_seed_others():
     assert spawn_items(cell(), 3) != spawn_items(cell(), 4)
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_items_stand_on_the_table_inside_the_area_and_keep_the_gap(seed: int):
     items = spawn_items(cell(), seed)
     assert [i.id for i in items] == [f"item_{k:02d}" for k in range(10)]
@@ -100,7 +100,7 @@ def test_the_distance_of_two_boxes_is_at_most_that_of_their_centres_and_symmetri
     assert gap <= apart - 0.01 - 0.02 + 1e-9
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_items_that_stand_side_by_side_touch_and_do_not_overlap(seed: int):
     counts = {"block": 3, "can": 2, "plate": 1}
     spawn = Spawn(counts, ("red",), ((0.38, -0.17), (0.64, 0.17)), touching=True)

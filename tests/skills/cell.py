@@ -17,11 +17,12 @@ import numpy as np
 from picktree.session import assemble_world
 from picktree.session.execution import TICK_LENGTH
 from picktree.simulation import Backend, build_hardware, score
+from picktree.simulation.kinematic import KinematicHardware
 from picktree.simulation.physics import PhysicsHardware
 from picktree.simulation.scorer import Score
 from picktree.trees import Mission, NodeStatus, build
 from picktree.trees.loading import NodeRegistry, load_mission, parse_mission
-from picktree.world import JournalEvent, Tick
+from picktree.world import BeliefObject, Box, FailureReport, JournalEvent, ObjectId, Pose, Tick, Vector3
 from picktree.world.robot_model import RobotDescription, load_robot
 from picktree.world.scene import SceneDescription, load_scene
 
@@ -75,6 +76,32 @@ class Cell:
     def start(self, mission: Mission) -> None:
         """Another mission in the same world: what stands where, and what is believed, stay."""
         self.tree = build(mission, self.world)
+
+    def do(self, body: str) -> str:
+        """Do another mission in the same world to its end; what it is `told` to have failed of."""
+        self.start(mission(body))
+        self.finish()
+        return self.told
+
+    @property
+    def told(self) -> str:
+        """Cause and message of the mission's failure; empty when there is none."""
+        return "" if self.tree.failure is None else f"{self.failure.cause}: {self.failure.message}"
+
+    @property
+    def failure(self) -> FailureReport:
+        assert self.tree.failure is not None
+        return self.tree.failure
+
+    @property
+    def kinematic(self) -> KinematicHardware:
+        assert isinstance(self.hardware, KinematicHardware)
+        return self.hardware
+
+    def believe(self, name: str, size: Vector3, at: Vector3) -> None:
+        """An obstacle of that size, m, which is not there."""
+        known = ("unknown", "unknown", Box(size), "grey", Pose(at), 0.002, 0.0, 1.0, 0.0)
+        self.world.scene.put(BeliefObject(*known, id=ObjectId(name), role="obstacle"), "test")
 
     def tick(self) -> Tick:
         report = self.tree.tick()
@@ -132,6 +159,22 @@ class Cell:
     def _note(self) -> None:
         self.events += [e for e in self.world.journal.take() if isinstance(e, JournalEvent)]
         self.world.scene.take_changes()
+
+
+def looked(**counts: int) -> tuple[Cell, list[str]]:
+    """A cell whose items were seen, and their ids, the nearest first."""
+    cell = Cell(mission('Observe: {camera: overhead, objects: "{items}"}'), items(**counts))
+    cell.finish()
+    found = cell.tree.blackboard.save()["Main/items"]
+    assert isinstance(found, list)
+    return cell, [str(item) for item in found]
+
+
+def holding() -> tuple[Cell, str]:
+    """A cell whose hand holds its block above the table."""
+    cell, (block,) = looked(block=1)
+    assert cell.do(f"Grasp: {{object: {block}, onward: false}}") == ""
+    return cell, block
 
 
 @dataclass(frozen=True)

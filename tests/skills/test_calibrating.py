@@ -12,7 +12,6 @@ from picktree.robot.calibration import calibration_targets, target_detection
 from picktree.robot.calibration.calibration_targets import TouchPoint
 from picktree.robot.calibration.observations import DetectedTile, TargetImage
 from picktree.simulation.fault_entries import AtTime, CameraDrop
-from picktree.simulation.kinematic import KinematicHardware
 from picktree.trees import Steps
 from picktree.world import Array, Pose, RgbdImage, Vector3
 from picktree.world.event_types import CalibrationShotEvent, CalibrationTouchEvent
@@ -29,8 +28,7 @@ def cell(body: str) -> Cell:
 
 def failed(cell: Cell) -> str:
     cell.finish()
-    failure = cell.tree.failure
-    return f"{failure.cause}: {failure.message}" if failure else ""
+    return cell.told
 
 
 def notes(cell: Cell, *kinds: str) -> list[str]:
@@ -152,8 +150,7 @@ def test_what_is_not_there_is_told() -> None:
     made.start(mission("Survey: {target: target, camera: wrist, views: 4}"))
     assert failed(made) == "perception.not_found: there is no camera 'wrist'"
     made = cell("Survey: {target: target, camera: wrist}")
-    hardware = made.hardware
-    assert isinstance(hardware, KinematicHardware)
+    hardware = made.kinematic
     hardware.afflict(0, CameraDrop(AtTime(0.0)))
     assert failed(made).startswith("perception.no_image: ")
     for skill in ("Survey", "TouchTarget"):
@@ -192,8 +189,7 @@ def test_fewer_than_eight_touches_are_not_enough(monkeypatch: pytest.MonkeyPatch
     answers = iter([True])
     made.world.plan.finds_nothing = lambda: next(answers, False)
     assert failed(made) == ("planning.no_path: 7 of 8 touches of target are within reach; 8 are needed")
-    assert made.tree.failure is not None
-    assert made.tree.failure.evidence == {"touched": 7}
+    assert made.failure.evidence == {"touched": 7}
     (skipped,) = notes(made, SKIPPED)
     assert skipped.startswith("target, top 1: ")
 

@@ -14,22 +14,10 @@ from picktree.robot.manipulation.pick_candidates import TRANSFER_STAGE
 from picktree.robot.manipulation.pick_place_motions import transfer_requests
 from picktree.robot.perception import BinView
 from picktree.robot.planning import OffsetGoal, Request
-from picktree.simulation.kinematic import KinematicHardware
 from picktree.trees import Steps
-from picktree.world import BeliefObject, Box, Candidates, Entry, ObjectId
+from picktree.world import Candidates, Entry, ObjectId
 
-from .cell import Cell, items, mission
-
-LOOK = 'Observe: {camera: overhead, objects: "{items}"}'
-
-
-def looked(**counts: int) -> tuple[Cell, list[str]]:
-    """A cell whose items were seen, and their ids."""
-    cell = Cell(mission(LOOK), items(**counts))
-    cell.finish()
-    value = cell.tree.blackboard.save()["Main/items"]
-    assert isinstance(value, list)
-    return cell, [str(item) for item in value]
+from .cell import Cell, looked, mission
 
 
 def sorting(item: str, into: str) -> str:
@@ -47,6 +35,13 @@ def destination(cell: Cell, item: str) -> str:
     into = cell.world.scene.destination(item)
     assert into is not None
     return str(into)
+
+
+def sent_off() -> tuple[Cell, str]:
+    """A cell that begins to carry its block to where it belongs."""
+    cell, (block,) = looked(block=1)
+    cell.start(mission(sorting(block, destination(cell, block))))
+    return cell, block
 
 
 def placed(cell: Cell) -> str:
@@ -74,8 +69,7 @@ def test_the_arm_does_not_stop_between_grasp_and_place() -> None:
 
 def test_a_grasp_alone_ends_with_the_arm_at_rest_and_the_object_held() -> None:
     cell, (block,) = looked(block=1)
-    cell.start(mission(f"Grasp: {{object: {block}}}"))
-    cell.finish()
+    cell.do(f"Grasp: {{object: {block}}}")
     assert cell.tree.status.value == "SUCCESS"
     cell.rest()
     held = cell.world.scene.held
@@ -87,16 +81,13 @@ def test_a_grasp_alone_ends_with_the_arm_at_rest_and_the_object_held() -> None:
 def test_whoever_else_comes_next_begins_at_rest() -> None:
     for other in ("{GoTo: {pose: home}}", "OpenGripper"):
         cell, (block,) = looked(block=1)
-        cell.start(mission(f"Sequence: [{{Grasp: {{object: {block}}}}}, {other}]"))
-        cell.finish()
-        assert (cell.tree.status.value, cell.tree.failure) == ("SUCCESS", None)
+        assert cell.do(f"Sequence: [{{Grasp: {{object: {block}}}}}, {other}]") == ""
 
 
 def test_without_onward_the_object_is_lifted_only() -> None:
     cell, (block,) = looked(block=1)
     x, y, z = cell.world.scene.get(block).pose.position
-    cell.start(mission(f"Grasp: {{object: {block}, onward: false}}"))
-    cell.finish()
+    cell.do(f"Grasp: {{object: {block}, onward: false}}")
     assert cell.world.control.at_rest
     (body,) = cell.hardware.truth()
     assert np.linalg.norm(np.subtract(body.pose.position, (x, y, z + 0.08))) < 0.005
@@ -105,8 +96,7 @@ def test_without_onward_the_object_is_lifted_only() -> None:
 def test_another_bin_than_the_one_it_belongs_into() -> None:
     cell, (block,) = looked(block=1)
     into = next(b for b in cell.world.scene.bins if b != destination(cell, block))
-    cell.start(mission(sorting(block, into)))
-    cell.finish()
+    cell.do(sorting(block, into))
     assert (cell.tree.status.value, placed(cell)) == ("SUCCESS", into)
 
 
@@ -123,48 +113,40 @@ def test_what_is_known_since_is_heeded(monkeypatch: pytest.MonkeyPatch) -> None:
     for news in (False, True):
         cell, (block,) = looked(block=1)
         into = destination(cell, block)
-        cell.start(mission(f"Grasp: {{object: {block}}}"))
-        cell.finish()
+        cell.do(f"Grasp: {{object: {block}}}")
         held = cell.world.scene.get(block)
         cell.world.scene.put(replace(held, confidence=0.5), "seen again")
         if news:
             cell.world.vision.bins[into] = BinView(np.full((3, 3), 0.092))
-        cell.start(mission(f"Place: {{object: {block}, into: {into}}}"))
-        cell.finish()
+        cell.do(f"Place: {{object: {block}, into: {into}}}")
         assert (cell.tree.status.value, placed(cell)) == ("SUCCESS", into)
     assert len(finished) == 1
 
 
 def test_what_is_lost_on_the_way_is_told_as_that() -> None:
-    cell, (block,) = looked(block=1)
-    cell.start(mission(sorting(block, destination(cell, block))))
+    cell, block = sent_off()
     to_the_place(cell)
-    hardware = cell.hardware
-    assert isinstance(hardware, KinematicHardware)
+    hardware = cell.kinematic
     hardware.remove("item_00")
     cell.finish()
-    assert cell.tree.failure is not None
-    assert str(cell.tree.failure.cause) == "grasp.slipped"
-    assert cell.tree.failure.message.startswith(f"{block} was lost on the way (opening ")
+    assert str(cell.failure.cause) == "grasp.slipped"
+    assert cell.failure.message.startswith(f"{block} was lost on the way (opening ")
     assert cell.world.scene.held is None
 
 
 def test_what_slips_out_while_it_is_lifted_was_never_held_and_is_grasped_once_more() -> None:
-    cell, (block,) = looked(block=1)
-    cell.start(mission(sorting(block, destination(cell, block))))
+    cell, block = sent_off()
     while cell.world.scene.held is None:
         cell.tick()
     for _ in range(4):
         cell.tick()
-    hardware = cell.hardware
-    assert isinstance(hardware, KinematicHardware)
+    hardware = cell.kinematic
     hardware.remove("item_00")
     cell.finish()
-    assert cell.tree.failure is not None
     (again,) = cell.happened("regrasp")
     assert again.startswith(f"regrasp: {block} is grasped once more (it was lost where it was gripped): ")
     assert "it was between the fingers and slipped out" in again
-    assert str(cell.tree.failure.cause) == "grasp.missed"
+    assert str(cell.failure.cause) == "grasp.missed"
     assert cell.happened("pick") == [f"pick: {block}: not held"] * 2
 
 
@@ -188,8 +170,7 @@ def test_the_approach_is_broken_off_when_there_is_no_way_on(monkeypatch: pytest.
         note(entry)
 
     monkeypatch.setattr(cell.world.journal, "note", noting)
-    cell.start(mission(sorting(block, destination(cell, block))))
-    cell.finish()
+    cell.do(sorting(block, destination(cell, block)))
     assert cell.tree.status.value == "SUCCESS"
     assert len(asked) == 2
     (refused,) = (tried for tried in ranked[-1].tried if tried.stage == TRANSFER_STAGE)
@@ -213,9 +194,7 @@ def test_a_transfer_is_made_only_from_where_the_arm_stands(
 
     monkeypatch.setattr("picktree.robot.manipulation.pick_place_motions.transfer_requests", from_elsewhere)
     x, y, _ = cell.world.scene.get(block).pose.position
-    cell.start(mission(f"Grasp: {{object: {block}}}"))
-    cell.finish()
-    assert (cell.tree.status.value, cell.tree.failure) == ("SUCCESS", None)
+    assert cell.do(f"Grasp: {{object: {block}}}") == ""
     cell.rest()
     (body,) = cell.hardware.truth()
     carried = math.dist(body.pose.position[:2], (x, y))
@@ -234,10 +213,8 @@ def test_a_transfer_that_is_blocked_low_is_lifted_clear_first(risen: float, lift
     while cell.world.control.tcp.position[2] < low + risen:
         cell.tick()
     bin_ = cell.world.scene.bins[ObjectId(destination(cell, block))]
-    known = ("unknown", "unknown", Box((0.25, 0.2, 0.5)), "grey", bin_.pose.shifted((0, 0, 0.25)))
-    cell.world.scene.put(
-        BeliefObject(*known, 0.002, 0.0, 1.0, 0.0, id=ObjectId("pile"), role="obstacle"), "seen"
-    )
+    x, y, z = bin_.pose.position
+    cell.believe("pile", (0.25, 0.2, 0.5), (x, y, z + 0.25))
     cell.finish()
     assert cell.tree.failure is None
     cell.rest()

@@ -7,8 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from picktree.simulation.kinematic import KinematicHardware
-from picktree.world import FailureReport, ObjectId, Pose
+from picktree.world import ObjectId, Pose
 from picktree.world.event_types import ItemDoneEvent
 from picktree.world.scene import SceneDescription, load_scene
 
@@ -29,13 +28,6 @@ def inserting(ports: str = "", grasp: bool = True) -> str:
     each = "- ForEach:\n    in: '{items}'\n    out: '{item}'\n    most: 1\n    do:\n"
     body = f"{LOOK}{each}      - Sequence:\n{do}          - Insert: {{object: '{{item}}'{ports}}}\n"
     return "Sequence:\n" + "".join(f"  {line}\n" for line in body.splitlines())
-
-
-def failed(cell: Cell) -> FailureReport:
-    cell.finish()
-    report = cell.tree.failure
-    assert report is not None
-    return report
 
 
 @pytest.mark.parametrize(
@@ -63,7 +55,8 @@ def test_a_hole_that_is_not_there_is_not_found() -> None:
     holes = tuple(replace(h, size=(h.size[0] + 1.2345e-5, h.size[1] + 1.2345e-5)) for h in board.holes)
     away = replace(board, holes=holes, pose=board.pose.shifted((0.03, 0.0, 0.0)))
     cell.world.scene.fixtures = {**cell.world.scene.fixtures, "board": away}
-    report = failed(cell)
+    cell.finish()
+    report = cell.failure
     assert report.cause.name == "insert.not_found"
     assert report.message == (
         f"{cell.world.scene.objects[0].id} is not in board/square_32: the surface was felt, but no mouth "
@@ -93,7 +86,8 @@ def test_a_hole_that_is_not_there_is_not_found() -> None:
 
 def test_an_empty_hand_has_nothing_to_insert() -> None:
     cell = Cell(mission(inserting(grasp=False)), pegs(post_30=1))
-    report = failed(cell)
+    cell.finish()
+    report = cell.failure
     item = cell.world.scene.objects[0].id
     assert (report.cause.name, report.message) == ("grasp.slipped", f"{item} is not in the hand")
 
@@ -113,7 +107,8 @@ def test_a_hole_that_will_not_do(into: str, cause: str, message: str) -> None:
     held = cell.world.scene.held
     other = replace(held, id=ObjectId("other"), object_in_tcp=None, place="board/square_32")
     cell.world.scene.put(other, "it was there before")
-    report = failed(cell)
+    cell.finish()
+    report = cell.failure
     assert (report.cause.name, report.message) == (cause, message.format(held.id))
 
 
@@ -124,7 +119,8 @@ def test_where_all_fitting_holes_are_taken_the_board_is_full() -> None:
     held = cell.world.scene.held
     other = replace(held, id=ObjectId("other"), object_in_tcp=None, place="board/square_41")
     cell.world.scene.put(other, "it was there before")
-    report = failed(cell)
+    cell.finish()
+    report = cell.failure
     assert (report.cause.name, report.message) == (
         "place.full",
         f"board has no free hole that {held.id} fits",
@@ -133,10 +129,10 @@ def test_where_all_fitting_holes_are_taken_the_board_is_full() -> None:
 
 def test_a_peg_that_sticks_to_the_opened_fingers_is_not_inserted(monkeypatch: pytest.MonkeyPatch) -> None:
     cell = Cell(mission(inserting()), pegs(post_40=1), seed=2)
-    hardware = cell.hardware
-    assert isinstance(hardware, KinematicHardware)
+    hardware = cell.kinematic
     monkeypatch.setattr(hardware.bodies, "let_go", lambda: None)
-    report = failed(cell)
+    cell.finish()
+    report = cell.failure
     cell.wait()
     held = cell.world.scene.held
     assert held is not None
@@ -165,8 +161,7 @@ def test_in_physics_a_square_peg_finds_its_hole_by_feeling() -> None:
 
 def turn_in_hand(cell: Cell, degrees: float) -> None:
     """Turn the post about the vertical between the fingers: they open for its corners."""
-    hardware = cell.hardware
-    assert isinstance(hardware, KinematicHardware)
+    hardware = cell.kinematic
     gripper, turn = hardware.gripper, math.radians(degrees)
     assert gripper.item_in_tcp is not None
     gripper.item_in_tcp = gripper.item_in_tcp @ Pose.from_rpy((0.0, 0.0, 0.0), (0.0, 0.0, turn))
@@ -204,7 +199,8 @@ def test_a_peg_that_turned_in_the_hand_is_no_hole_that_was_not_found(
     before = 1000 * cell.world.gripper.width
     turn_in_hand(cell, degrees)
     after = 1000 * cell.world.gripper.width
-    report = failed(cell)
+    cell.finish()
+    report = cell.failure
     held = cell.world.scene.held
     assert held is not None
     told = message.format(item=held.id, before=before, after=after)

@@ -20,38 +20,22 @@ from picktree.trees import Doing, Steps
 from picktree.world import Box, Cause, Failure, ObjectId, Pose, Trajectory, bottom, planning, top
 from picktree.world.event_types import ItemDoneEvent
 
-from .cell import Cell, items, mission
+from .cell import Cell, holding, mission
 
 HAND_ABOVE_TCP = 0.0375
 """Height of the lower side of the hand over the TCP, m."""
-LOOK = 'Observe: {camera: overhead, objects: "{items}"}'
-
-
-def holding() -> tuple[Cell, KinematicHardware, str]:
-    """A cell whose hand holds its block above the table."""
-    cell = Cell(mission(LOOK), items(block=1))
-    cell.finish()
-    (block,) = (str(o.id) for o in cell.world.scene.objects)
-    cell.start(mission(f"Grasp: {{object: {block}, onward: false}}"))
-    cell.finish()
-    assert cell.tree.failure is None
-    assert isinstance(cell.hardware, KinematicHardware)
-    return cell, cell.hardware, block
 
 
 @pytest.mark.parametrize("where", ["into: red_bin", "at: [0.5, 0.2, 0]"])
 def test_what_sticks_to_the_opened_fingers_was_not_placed(
     where: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    cell, hardware, block = holding()
+    cell, block = holding()
+    hardware = cell.kinematic
     monkeypatch.setattr(hardware.bodies, "let_go", lambda: None)
-    cell.start(mission(f"Place: {{object: {block}, {where}}}"))
-    cell.finish()
-    failure = cell.tree.failure
-    assert failure is not None
-    assert (str(failure.cause), failure.message) == (
-        "place.missed",
-        f"{block} still hangs on the open fingers (load 0.98 N, then 0.98 N)",
+    assert (
+        cell.do(f"Place: {{object: {block}, {where}}}")
+        == f"place.missed: {block} still hangs on the open fingers (load 0.98 N, then 0.98 N)"
     )
     assert cell.world.gripper.width > 0.06
     cell.wait()
@@ -66,18 +50,16 @@ def test_what_sticks_to_the_opened_fingers_was_not_placed(
 @pytest.mark.parametrize(("left", "placed"), [(0.45, True), (0.55, False)])
 def test_half_of_the_load_must_be_gone(left: float, placed: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """The item breaks when the fingers open and a part stays at them: the lighter part counts as rubbish."""
-    cell, hardware, block = holding()
-    (body,) = hardware.bodies.items
+    cell, block = holding()
+    bodies = cell.kinematic.bodies
+    (body,) = bodies.items
 
     def break_() -> None:
-        now = hardware.bodies[body.id]
-        hardware.bodies.put(replace(now, entry=replace(body.entry, mass=left * body.entry.mass)))
+        bodies.put(replace(bodies[body.id], entry=replace(body.entry, mass=left * body.entry.mass)))
 
-    monkeypatch.setattr(hardware.bodies, "let_go", break_)
-    cell.start(mission(f"Place: {{object: {block}, into: red_bin}}"))
-    cell.finish()
-    said = "" if cell.tree.failure is None else cell.tree.failure.message
-    assert said == ("" if placed else f"{block} still hangs on the open fingers (load 0.98 N, then 0.54 N)")
+    monkeypatch.setattr(bodies, "let_go", break_)
+    hangs = f"place.missed: {block} still hangs on the open fingers (load 0.98 N, then 0.54 N)"
+    assert cell.do(f"Place: {{object: {block}, into: red_bin}}") == ("" if placed else hangs)
     assert (cell.world.scene.held is None) is placed
 
 
@@ -96,41 +78,32 @@ def low(cell: Cell, hardware: KinematicHardware, monkeypatch: pytest.MonkeyPatch
 
 def test_at_a_point_it_is_put_down_and_into_a_bin_it_is_lowered(monkeypatch: pytest.MonkeyPatch) -> None:
     for where, least, most in (("at: [0.5, 0.2, 0]", -0.001, 0.002), ("into: red_bin", 0.03, 0.1)):
-        cell, hardware, block = holding()
+        cell, block = holding()
+        hardware = cell.kinematic
         heights = low(cell, hardware, monkeypatch)
-        cell.start(mission(f"Place: {{object: {block}, {where}}}"))
-        cell.finish()
-        assert cell.tree.failure is None
+        assert cell.do(f"Place: {{object: {block}, {where}}}") == ""
         (height,) = heights
         assert least < height < most
 
 
-@pytest.mark.parametrize("leg", [0, 1])
+@pytest.mark.parametrize(("leg", "told"), [(0, "planning.no_path: no way"), (1, "")])
 def test_where_the_way_down_is_not_free_it_is_let_go_from_above(
-    leg: int, monkeypatch: pytest.MonkeyPatch
+    leg: int, told: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The way straight down is left out; where nothing leads over the bin, that is the failure."""
-    cell, hardware, block = holding()
-    heights = low(cell, hardware, monkeypatch)
+    cell, block = holding()
+    heights = low(cell, cell.kinematic, monkeypatch)
     through, asked = cell.world.plan.through, list[int]()
 
     def not_free(legs: Sequence[Request], **how: Any) -> Doing[MotionPlan]:
         asked.append(len(legs))
-        told = LegFailure(planning.NO_PATH, "no way", leg, {})
-        raise told
+        raise LegFailure(planning.NO_PATH, "no way", leg, {})
         yield from through(legs, **how)
 
     monkeypatch.setattr(cell.world.plan, "through", not_free)
-    cell.start(mission(f"Place: {{object: {block}, into: red_bin}}"))
-    cell.finish()
-    failure = cell.tree.failure
-    if leg == 1:
-        assert failure is None
-        assert (len(heights), len(asked)) == (1, 1)
-    else:
-        assert failure is not None
-        assert (str(failure.cause), failure.message) == ("planning.no_path", "no way")
-        assert len(asked) > 1  # higher up it was tried, too
+    assert cell.do(f"Place: {{object: {block}, into: red_bin}}") == told
+    # Higher up it is tried, too.
+    assert (len(heights), len(asked) > 1) == ((0, True) if told else (1, False))
 
 
 @pytest.mark.parametrize(
@@ -141,7 +114,7 @@ def test_the_hand_is_not_lowered_into_what_has_come_below_it(
     where: str, gap: float | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Something is seen below the hand when it is over its bin already. The wrist would not feel it."""
-    cell, _, block = holding()
+    cell, block = holding()
     world, started = cell.world, list[float]()
     heights, through = list[float](), world.plan.through
 
@@ -165,8 +138,7 @@ def test_the_hand_is_not_lowered_into_what_has_come_below_it(
 
     monkeypatch.setattr(world.plan, "through", not_free)
     monkeypatch.setattr(object_placement, "lower", lower_beside)
-    cell.start(mission(f"Place: {{object: {block}, {where}}}"))
-    cell.finish()
+    cell.do(f"Place: {{object: {block}, {where}}}")
     if "at:" in where:  # at a point nothing is let fall
         failure, held = cell.tree.failure, world.scene.held
         assert failure is not None and held is not None and held.id == block
@@ -181,7 +153,7 @@ def test_the_hand_is_not_lowered_into_what_has_come_below_it(
 
 
 def test_what_is_carried_adds_to_the_force_that_stops_the_arm(monkeypatch: pytest.MonkeyPatch) -> None:
-    cell, _, block = holding()
+    cell, block = holding()
     guards, along = list[float](), cell.world.move.along
 
     def noting(trajectory: Trajectory, **how: Any) -> Steps:
@@ -190,76 +162,52 @@ def test_what_is_carried_adds_to_the_force_that_stops_the_arm(monkeypatch: pytes
 
     monkeypatch.setattr(cell.world.move, "along", noting)
     monkeypatch.setattr("picktree.robot.manipulation.object_placement.payload_force", lambda _: 7.0)
-    cell.start(mission(f"Place: {{object: {block}, into: red_bin}}"))
-    cell.finish()
-    assert cell.tree.failure is None
+    assert cell.do(f"Place: {{object: {block}, into: red_bin}}") == ""
     assert guards == [cell.world.handling.guard + 7.0]
 
 
 def test_a_bin_whose_heap_is_too_high_is_full() -> None:
-    cell, _, block = holding()
+    cell, block = holding()
     heights = np.full((3, 3), 0.125)
     heights[1, 1] = 0.12
     cell.world.vision.bins[ObjectId("red_bin")] = BinView(heights)
-    cell.start(mission(f"Place: {{object: {block}, into: red_bin}}"))
-    cell.finish()
-    failure = cell.tree.failure
-    assert failure is not None
-    assert (str(failure.cause), failure.message) == (
-        "place.full",
-        "red_bin is full: its heap is 120 mm high at its lowest",
-    )
+    cell.do(f"Place: {{object: {block}, into: red_bin}}")
+    failure = cell.failure
+    assert cell.told == "place.full: red_bin is full: its heap is 120 mm high at its lowest"
     assert failure.evidence == {"object": block, "bin": "red_bin"}
     assert cell.world.scene.held is not None
 
 
-def test_one_way_of_letting_go_over_a_bin_is_enough(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Placement gets a single turn of the hand over each spot."""
-    cell, _, block = holding()
-    downs, through = list[float](), cell.world.plan.through
-
-    def first(*given: Any) -> Sequence[PlaceCandidate]:
-        return place_candidates(*given)[:1]
-
-    def going(legs: Sequence[Request], **how: Any) -> Doing[MotionPlan]:
-        downs.append(len(legs))
-        return through(legs, **how)
-
-    monkeypatch.setattr("picktree.robot.manipulation.object_placement.place_candidates", first)
-    monkeypatch.setattr(cell.world.plan, "through", going)
-    cell.start(mission(f"Place: {{object: {block}, into: red_bin}}"))
-    cell.finish()
-    assert cell.tree.failure is None
-    assert downs == [2]
-
-
-def test_where_nothing_is_to_be_gone_down_it_is_let_go_from_above(monkeypatch: pytest.MonkeyPatch) -> None:
-    for drop, legs in ((0.0, []), (0.01, [2])):
-        cell, _, block = holding()
-        downs, through = list[int](), cell.world.plan.through
-
-        def level(*given: Any, drop: float = drop) -> Sequence[PlaceCandidate]:
-            return [replace(landing, drop=drop) for landing in place_candidates(*given)]
-
-        def going(
-            asked: Sequence[Request], *, downs: list[int] = downs, through: Any = through, **how: Any
-        ) -> Any:
-            downs.append(len(asked))
-            return through(asked, **how)
-
-        monkeypatch.setattr("picktree.robot.manipulation.object_placement.place_candidates", level)
-        monkeypatch.setattr(cell.world.plan, "through", going)
-        cell.start(mission(f"Place: {{object: {block}, into: red_bin}}"))
-        cell.finish()
-        assert cell.tree.failure is None
-        assert downs == legs
-
-
-@pytest.mark.parametrize("cause", [planning.NO_IK, planning.START_IN_COLLISION])
-def test_another_level_is_tried_where_one_is_not_reached(
-    cause: Cause, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("drop", "legs"), [(0.0, []), (0.01, [2]), (None, [2])])
+def test_where_nothing_is_to_be_gone_down_it_is_let_go_from_above(
+    drop: float | None, legs: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    cell, _, block = holding()
+    """Where something is, one way of letting go over each spot is enough: placement gets a single turn."""
+    cell, block = holding()
+    downs, through = list[int](), cell.world.plan.through
+
+    def level(*given: Any) -> Sequence[PlaceCandidate]:
+        found = place_candidates(*given)
+        return found[:1] if drop is None else [replace(landing, drop=drop) for landing in found]
+
+    def going(asked: Sequence[Request], **how: Any) -> Any:
+        downs.append(len(asked))
+        return through(asked, **how)
+
+    monkeypatch.setattr("picktree.robot.manipulation.object_placement.place_candidates", level)
+    monkeypatch.setattr(cell.world.plan, "through", going)
+    assert cell.do(f"Place: {{object: {block}, into: red_bin}}") == ""
+    assert downs == legs
+
+
+@pytest.mark.parametrize(
+    ("cause", "told"),
+    [(planning.NO_IK, ""), (planning.START_IN_COLLISION, "planning.start_in_collision: not there")],
+)
+def test_another_level_is_tried_where_one_is_not_reached(
+    cause: Cause, told: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cell, block = holding()
     refused, through = list[Failure](), cell.world.plan.through
 
     def once(*given: Any, **how: Any) -> Any:
@@ -269,19 +217,15 @@ def test_another_level_is_tried_where_one_is_not_reached(
         return through(*given, **how)
 
     monkeypatch.setattr(cell.world.plan, "through", once)
-    cell.start(mission(f"Place: {{object: {block}, into: red_bin}}"))
-    cell.finish()
-    failure = cell.tree.failure
-    assert ("" if failure is None else failure.message) == ("" if cause is planning.NO_IK else "not there")
+    assert cell.do(f"Place: {{object: {block}, into: red_bin}}") == told
 
 
 def test_what_was_placed_is_told_and_believed_to_lie_there() -> None:
     for where, words in (("into: red_bin", "into red_bin"), ("at: [0.5, 0.2, 0]", "at [0.5, 0.2, 0.0]")):
-        cell, hardware, block = holding()
+        cell, block = holding()
+        hardware = cell.kinematic
         form = cell.world.scene.get(block).form
-        cell.start(mission(f"Place: {{object: {block}, {where}}}"))
-        cell.finish()
-        assert cell.tree.failure is None
+        assert cell.do(f"Place: {{object: {block}, {where}}}") == ""
         (done,) = (e for e in cell.events if isinstance(e, ItemDoneEvent))
         assert done.message == f"{block} placed {words}"
         into = "red_bin" if "into" in where else ""
@@ -295,7 +239,7 @@ def test_what_was_placed_is_told_and_believed_to_lie_there() -> None:
 
 
 def test_what_cannot_be_placed_is_told_before_the_arm_moves() -> None:
-    cell, _, block = holding()
+    cell, block = holding()
     before = cell.world.control.state.position
     for ports, cause, message in (
         ("into: no_bin", "world.unknown_object", "there is no bin 'no_bin'"),
@@ -304,15 +248,14 @@ def test_what_cannot_be_placed_is_told_before_the_arm_moves() -> None:
         cell.start(mission(f"Place: {{object: {block}, {ports}}}"))
         cell.tree.blackboard.write("Main/spot", [0.5, 0.2], "test")
         cell.finish()
-        failure = cell.tree.failure
-        assert failure is not None
+        failure = cell.failure
         assert (str(failure.cause), failure.message) == (cause, message)
     assert np.abs(cell.world.control.state.position - before).max() < 1e-3
 
 
 def test_a_place_beside_something_tall_is_one_where_the_fingers_open_freely() -> None:
     """A post of 16 cm stands in the bin; of the hand's rotations beside it some would open against it."""
-    cell, _, block = holding()
+    cell, block = holding()
     world = cell.world
     held = world.scene.get(ObjectId(block))
     assert held.object_in_tcp is not None
@@ -338,7 +281,7 @@ def test_a_place_beside_something_tall_is_one_where_the_fingers_open_freely() ->
 
 def test_the_hand_rises_from_around_an_object_that_rests_between_the_fingers() -> None:
     """What is in the bin is so high that the block comes to rest with its top above the finger tips."""
-    cell, _, block = holding()
+    cell, block = holding()
     world = cell.world
     into = world.scene.bins["red_bin"]
     pile = replace(
@@ -350,9 +293,7 @@ def test_the_hand_rises_from_around_an_object_that_rests_between_the_fingers() -
         place=str(into.id),
     )
     world.scene.put(pile, "placed before")
-    cell.start(mission(f"Place: {{object: {block}, into: red_bin}}"))
-    cell.finish()
-    assert cell.tree.failure is None
+    assert cell.do(f"Place: {{object: {block}, into: red_bin}}") == ""
     known = world.scene.get(ObjectId(block))
     assert bottom(known.shape, known.pose) == pytest.approx(into.wall + 0.085, abs=1e-3)
     tips = world.control.tcp.position[2] - world.robot.description.gripper.tip

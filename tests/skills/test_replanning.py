@@ -12,23 +12,13 @@ from picktree.robot import Vision
 from picktree.robot.manipulation.replanning import MAX_REPLANS
 from picktree.robot.perception import BinView
 from picktree.robot.planning import TrajectoryGate
-from picktree.simulation.kinematic import KinematicHardware
 from picktree.world import Box, Failure, ObjectId, Pose, perception, planning
 from picktree.world.event_types import ItemDoneEvent, ReplannedEvent
 from picktree.world.scene import Fixture
 
-from .cell import Cell, items, mission
+from .cell import Cell, items, looked, mission
 
 LOOK = 'Observe: {camera: overhead, objects: "{items}"}'
-
-
-def looked(**counts: int) -> tuple[Cell, list[str]]:
-    """A cell whose items were seen, and their ids."""
-    cell = Cell(mission(LOOK), items(**counts))
-    cell.finish()
-    value = cell.tree.blackboard.save()["Main/items"]
-    assert isinstance(value, list)
-    return cell, [str(item) for item in value]
 
 
 def watched(body: str, every: str = "100 ms") -> str:
@@ -38,11 +28,6 @@ def watched(body: str, every: str = "100 ms") -> str:
 def sorting(cell: Cell, item: str) -> str:
     into = cell.world.scene.destination(item)
     return f"{{Sequence: [{{Grasp: {{object: {item}}}}}, {{Place: {{object: {item}, into: {into}}}}}]}}"
-
-
-def kinematic(cell: Cell) -> KinematicHardware:
-    assert isinstance(cell.hardware, KinematicHardware)
-    return cell.hardware
 
 
 def tick_until(cell: Cell, leaf: str, more: int = 0) -> None:
@@ -62,7 +47,7 @@ def lift(cell: Cell) -> None:
 
 def move(cell: Cell, x: float, y: float) -> None:
     """Somebody moves the first item by so much, m."""
-    bodies = kinematic(cell).bodies
+    bodies = cell.kinematic.bodies
     body = bodies.items[0]
     bodies.put(replace(body, pose=body.pose.shifted((x, y, 0.0))))
 
@@ -82,7 +67,7 @@ def test_what_comes_into_the_way_of_what_is_carried_is_passed_by() -> None:
     cell.start(mission(watched(sorting(cell, block))))
     lift(cell)
     post = post_on_the_way(cell, block)
-    hardware = kinematic(cell)
+    hardware = cell.kinematic
     assert hardware.room_for(post)
     hardware.put_obstacle(post)
     while cell.running:
@@ -102,7 +87,7 @@ def test_nobody_sees_it_when_nobody_looks() -> None:
     cell.start(mission(sorting(cell, block).removeprefix("{").removesuffix("}")))
     lift(cell)
     post = post_on_the_way(cell, block)
-    hardware = kinematic(cell)
+    hardware = cell.kinematic
     hardware.put_obstacle(post)
     free: list[bool] = []
     while cell.running:
@@ -147,13 +132,11 @@ def test_a_target_that_vanishes_is_told_at_once() -> None:
     cell, (block,) = looked(block=1)
     cell.start(mission(watched(sorting(cell, block))))
     tick_until(cell, "Grasp", 4)
-    kinematic(cell).remove("item_00")
+    cell.kinematic.remove("item_00")
     cell.finish()
-    failure = cell.tree.failure
-    assert failure is not None
-    assert (str(failure.cause), failure.message) == (
-        "world.unknown_object",
-        f"{block} is gone: its place was seen empty while the arm was on the way",
+    assert (
+        cell.told
+        == f"world.unknown_object: {block} is gone: its place was seen empty while the arm was on the way"
     )
     assert not cell.happened("pick")
 
@@ -185,12 +168,7 @@ def test_a_point_that_is_taken_meanwhile_is_occupied() -> None:
     known = cell.world.scene.get(other)
     cell.world.scene.put(replace(known, pose=replace(known.pose, position=(0.5, 0.0, 0.04))), "seen")
     cell.finish()
-    failure = cell.tree.failure
-    assert failure is not None
-    assert (str(failure.cause), failure.message) == (
-        "place.occupied",
-        f"{other} stands where {block} should go",
-    )
+    assert cell.told == f"place.occupied: {other} stands where {block} should go"
     assert cell.world.scene.held is not None
 
 
@@ -201,34 +179,11 @@ def test_it_plans_anew_a_bounded_number_of_times(monkeypatch: pytest.MonkeyPatch
         return Failure(planning.BLOCKED, "the way is not free: somebody is in it")
 
     monkeypatch.setattr(TrajectoryGate, "blocked", blocked)
-    cell.start(mission("GoTo: {pose: observe}"))
-    cell.finish()
-    failure = cell.tree.failure
-    assert failure is not None
+    cell.do("GoTo: {pose: observe}")
+    failure = cell.failure
     assert str(failure.cause) == "planning.blocked"
     assert len(cell.happened("replanned")) == MAX_REPLANS
     assert cell.world.control.at_rest
-
-
-@pytest.mark.parametrize(("lasts", "cause"), [(0.5, None), (1.5, "perception.no_image")])
-def test_without_pictures_it_goes_on_for_a_while_only(
-    monkeypatch: pytest.MonkeyPatch, lasts: float, cause: str | None
-) -> None:
-    cell, _ = looked(block=1)
-    glance = Vision.capture_now
-    dark_until = cell.world.clock.now + lasts
-
-    def dark(self: Vision, camera: str) -> Any:
-        if cell.world.clock.now < dark_until:
-            raise Failure(perception.NO_IMAGE, "overhead gives no image")
-        return glance(self, camera)
-
-    monkeypatch.setattr(Vision, "capture_now", dark)
-    body = "{Delay: {delay_msec: 1.5 s, do: AlwaysSuccess}}"
-    cell.start(mission(f"WatchScene: {{every: 250 ms, blind: 1 s, do: {body}}}"))
-    cell.finish()
-    failure = cell.tree.failure
-    assert (None if failure is None else str(failure.cause)) == cause
 
 
 def test_who_is_blind_for_too_long_halts_what_moves(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -242,8 +197,7 @@ def test_who_is_blind_for_too_long_halts_what_moves(monkeypatch: pytest.MonkeyPa
     cell.start(mission(f"WatchScene: {{every: 250 ms, blind: 1 s, do: {body}}}"))
     began = cell.world.clock.now
     cell.finish()
-    assert cell.tree.failure is not None
-    assert cell.tree.failure.message == "overhead gives no image"
+    assert cell.failure.message == "overhead gives no image"
     assert 1.0 < cell.world.clock.now - began < 1.5
     assert cell.rest() < 0.5
     off = cell.world.control.state.position - cell.world.robot.named("rest")
@@ -259,8 +213,7 @@ def test_pictures_of_a_moving_arm_do_no_harm_to_the_belief() -> None:
     known = {str(o.id) for o in cell.world.scene.objects}
     looks = cell.world.vision.observations
     for item in value:
-        cell.start(mission(watched(sorting(cell, str(item)))))
-        cell.finish()
+        cell.do(watched(sorting(cell, str(item))))
         assert cell.tree.status.value == "SUCCESS"
     assert {str(o.id) for o in cell.world.scene.objects} == known
     assert cell.world.vision.observations > looks + 20

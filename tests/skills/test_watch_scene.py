@@ -137,28 +137,24 @@ def test_what_is_seen_to_be_gone_has_no_history() -> None:
     assert attempts.count("Main/Grasp", ObjectId("gone")) == 0
 
 
-def test_while_something_is_taken_or_let_go_no_picture_counts() -> None:
-    for holds in (True, False):
-        watched = Watched("every: 200 ms")
-        watched.cell.world.vision.cost = 0.1
-        watched.hold(holds=True)
-        if not holds:
-            watched.until(0.8)
-            watched.taken.clear()
-            watched.known.clear()
-        since = watched.now
-        if holds:
-            watched.hold(holds=False)
-            watched.until(0.4)
-            watched.taken.clear()
-            watched.known.clear()
-            since = watched.now
-        watched.hold(holds=holds)
-        watched.until(since + 0.75)
-        # The one that was thought about is dropped; the next is taken when what fell lies.
-        pause = 0.25 if holds else 0.5
-        assert watched.taken[0] == pytest.approx(since + pause)
-        assert watched.known[0] == pytest.approx(since + pause + 0.1)
+@pytest.mark.parametrize(("holds", "pause"), [(True, 0.25), (False, 0.5)])
+def test_while_something_is_taken_or_let_go_no_picture_counts(holds: bool, pause: float) -> None:
+    """One that was thought about is dropped; the next is taken when what fell lies."""
+    watched = Watched("every: 200 ms")
+    watched.cell.world.vision.cost = 0.1
+    watched.hold()
+    if holds:
+        watched.hold(holds=False)
+        watched.until(0.4)
+    else:
+        watched.until(0.8)
+    watched.taken.clear()
+    watched.known.clear()
+    since = watched.now
+    watched.hold(holds=holds)
+    watched.until(since + 0.75)
+    assert watched.taken[0] == pytest.approx(since + pause)
+    assert watched.known[0] == pytest.approx(since + pause + 0.1)
 
 
 @pytest.mark.parametrize(
