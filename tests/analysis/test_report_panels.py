@@ -28,14 +28,6 @@ GRASP = "Main/Repeat/Sequence/ForEach/SortOne/Recover/Sequence/Grasp"
 
 
 @pytest.fixture(scope="module")
-def report(troubled_log: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    file = tmp_path_factory.mktemp("panels") / "report.html"
-    with Run(troubled_log) as run:
-        write_report(run, file)
-    return file
-
-
-@pytest.fixture(scope="module")
 def failures(troubled_log: Path) -> tuple[FailureStory, ...]:
     with Run(troubled_log) as run:
         return run.explanation.failures
