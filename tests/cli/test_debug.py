@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import json
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -276,14 +275,6 @@ trees:
       - GoTo: {pose: home, breakpoint: before}
       - Log: {message: there}
 """
-
-
-def test_debug_is_handed_to_the_session(
-    stage: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert answer(["run", "m.yaml"]) == 0
-    assert answer(["run", "m.yaml", "--debug"]) == 0
-    assert ["Debugger" in observers for observers in stage.observers] == [False, True]
 
 
 def test_a_script_debugs_and_stdout_is_the_answers(tmp_path: Path) -> None:

@@ -63,8 +63,6 @@ def test_json(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
 
 
 def test_planted_faults_can_be_hidden(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    assert answer(["explain", str(folder)]) == 0
-    assert "a fault was planted: at 4.85 s: item_02 is snatched away" in capfd.readouterr().out
     assert answer(["explain", str(folder), "--hide-faults"]) == 0
     hidden = capfd.readouterr().out
     assert "planted" not in hidden
@@ -90,25 +88,6 @@ def test_a_folder_of_runs(folder: Path, tmp_path: Path, capfd: pytest.CaptureFix
     assert cause["confidence"] == {"likely": 2}
     assert cause["title"].startswith("red_ball_1 was taken away between 4.8 and 5.0 s")
     assert Path(cause["typical"]).parent == tmp_path / "runs"
-
-
-def test_a_folder_without_any_run(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    assert answer(["explain", str(tmp_path)]) == 2
-    assert f"{tmp_path}: there is no log.mcap in this folder" in capfd.readouterr().err
-
-
-def test_a_log_that_is_none(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "log.mcap").write_bytes(b"not a log at all, whatever it is called")
-    assert answer(["explain", str(tmp_path)]) == 2
-    out, error = capfd.readouterr()
-    assert out == ""
-    assert error.startswith(f"{tmp_path / 'log.mcap'}: ")
-    assert error.count("\n") == 1
-
-
-def test_a_log_that_does_not_exist(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    assert answer(["explain", str(tmp_path / "no.mcap")]) == 2
-    assert capfd.readouterr().err == f"{tmp_path / 'no.mcap'}: there is no such log\n"
 
 
 def test_a_run_that_was_killed(folder: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
@@ -224,8 +203,21 @@ Look at
 """
 
 
-def test_a_batch_without_logs_says_where_they_are(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "results.sqlite").write_bytes(b"")
-    assert answer(["explain", str(tmp_path)]) == 2
-    said = capfd.readouterr().err
-    assert f"`picktree batch report {tmp_path}`" in said and f"`picktree resim {tmp_path}@seed=0`" in said
+@pytest.mark.parametrize(
+    ("name", "content", "asked", "said"),
+    [
+        ("other.txt", b"", ".", "{0}: there is no log.mcap in this folder"),
+        ("log.mcap", b"not a log at all, whatever it is called", ".", "{0}/log.mcap: "),
+        ("other.txt", b"", "no.mcap", "{0}/no.mcap: there is no such log"),
+        ("results.sqlite", b"", ".", "`picktree batch report {0}`"),
+        ("results.sqlite", b"", ".", "`picktree resim {0}@seed=0`"),
+    ],
+)
+def test_what_is_no_run_is_one_sentence(
+    name: str, content: bytes, asked: str, said: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / name).write_bytes(content)
+    assert answer(["explain", str(tmp_path / asked)]) == 2
+    out, error = capfd.readouterr()
+    assert (out, error.count("\n")) == ("", 1)
+    assert said.format(tmp_path) in error

@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 from picktree.analysis import Run
-from picktree.apps.cli import answer
 from picktree.apps.cli.replay_stepper import ReplayStepper
 from picktree.world import (
     BlackboardWrite,
@@ -207,11 +206,6 @@ def test_a_log_that_was_cut_says_so_and_one_of_format_2_is_read(log: Path, tmp_p
     assert "1.50 s, tick 30 of 0 … 59" in old.stdout
 
 
-def test_what_is_no_log_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert answer(["replay", str(tmp_path / "none.mcap")]) == 2
-    assert capsys.readouterr().err == f"{tmp_path}/none.mcap: there is no such log\n"
-
-
 def test_at_a_terminal_there_is_a_prompt(log: Path) -> None:
     terminal = Terminal(["replay", str(log)])
     terminal.until("(picktree) ")
@@ -221,12 +215,5 @@ def test_at_a_terminal_there_is_a_prompt(log: Path) -> None:
     terminal.until("tick 4 of")
     terminal.press(b"\n")
     terminal.until("tick 3 of")
-    terminal.press(b"quit\n")
-    assert terminal.end() == 0
-
-
-def test_ctrl_c_ends_it_as_everywhere(log: Path) -> None:
-    terminal = Terminal(["replay", str(log)])
-    terminal.until("(picktree) ")
     terminal.press(b"\x03")
     assert terminal.end() == 130

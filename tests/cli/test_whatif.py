@@ -145,8 +145,6 @@ def test_json_is_one_object(asked: Callable[..., Any], capfd: pytest.CaptureFixt
     assert said["nodes"] == {"kept": 9, "fresh": ["Main/Sequence/Extra"], "gone": []}
 
 
-def test_bad_input(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    assert answer(["whatif", str(tmp_path / "none.mcap"), "--at", "1"]) == 2
-    assert capfd.readouterr().err == f"{tmp_path}/none.mcap: there is no such log\n"
+def test_bad_input(capfd: pytest.CaptureFixture[str]) -> None:
     assert answer(["whatif", "last"]) == 2
     assert "Missing option '--at'" in capfd.readouterr().err

@@ -14,7 +14,7 @@ import pytest
 
 from ..browser import Chromium, Told, wait_until
 from ..needs import CHROMIUM, needs, packages
-from .conftest import PATIENCE, Served
+from .conftest import PATIENCE, Served, opened
 from .hostile_files import IMAGE, LINK, MARKUP, hostile_batch, hostile_log
 
 pytestmark = needs(CHROMIUM)
@@ -28,12 +28,8 @@ FINDINGS = """axe.run({exclude: [["iframe"]]}, {iframes: false}).then((all) => a
 @pytest.fixture
 def page(served: Served, chromium: Chromium) -> Iterator[tuple[Any, Told]]:
     """The studio in a browser, its start page open."""
-    own = f"http://127.0.0.1:{served.port}/"
-    with chromium.blank(own) as (opened, told):
-        opened.set_default_timeout(PATIENCE * 1000)
-        opened.goto(served.link)
-        opened.wait_for_selector("main h1, main h2")
-        yield opened, told
+    with opened(served, chromium) as found:
+        yield found
 
 
 def go(page: Any, address: str) -> None:
