@@ -27,11 +27,7 @@ GOOD: Script = {
     0: [begins("Main"), begins(GRASP, ITEM)],
     3: [PickEvent("held", GRASP, object=ITEM, held=True)],
     4: [ends(GRASP), begins(PLACE, ITEM, into="red_bin")],
-    8: [
-        ends(PLACE),
-        ends("Main"),
-        ItemDoneEvent("placed", PLACE, object=ITEM, into="red_bin"),
-    ],
+    8: [ends(PLACE), ends("Main"), ItemDoneEvent("placed", PLACE, object=ITEM, into="red_bin")],
 }
 BAD: Script = {
     0: GOOD[0],

@@ -88,10 +88,7 @@ def test_a_parquet_column_has_a_type_a_unit_and_a_meaning(folders: dict[str, Pat
     schema = parquet.read_table(folders["parquet"] / "picks.parquet").schema
     width, held = schema.field("width"), schema.field("held")
     assert (str(width.type), width.nullable) == ("double", True)
-    assert width.metadata == {
-        b"unit": b"m",
-        b"meaning": b"opening after closing",
-    }
+    assert width.metadata == {b"unit": b"m", b"meaning": b"opening after closing"}
     assert (str(held.type), held.nullable) == ("bool", False)
 
 

@@ -108,8 +108,7 @@ def test_scrubber_seeks_and_the_clock_follows(page: Any) -> None:
     page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
     assert page.evaluate(TIME) == pytest.approx(page.evaluate("picktreeReport.player.end / 2"), abs=0.2)
     assert wait_until(
-        page,
-        "document.getElementById('clock').textContent === `${picktreeReport.player.time.toFixed(2)} s`",
+        page, "document.getElementById('clock').textContent === `${picktreeReport.player.time.toFixed(2)} s`"
     )
 
 

@@ -274,15 +274,13 @@ def test_the_drawn_tree_shows_the_statuses_of_the_tick(page: Any, failures: tupl
     node = page.locator(f"#panel-tree [data-path='{failures[0].node}']")
     node.wait_for(state="attached")
     wait_until(
-        page,
-        f"document.querySelector(\"#panel-tree [data-path='{GRASP}']\").classList.contains('failure')",
+        page, f"document.querySelector(\"#panel-tree [data-path='{GRASP}']\").classList.contains('failure')"
     )
     assert "selected" in node.get_attribute("class")
     assert page.locator("#panel-tree .edge.failure").count() >= 1
     page.evaluate(f"picktreeReport.player.seek({failures[0].time} - 0.5)")
     wait_until(
-        page,
-        f"document.querySelector(\"#panel-tree [data-path='{GRASP}']\").classList.contains('running')",
+        page, f"document.querySelector(\"#panel-tree [data-path='{GRASP}']\").classList.contains('running')"
     )
     assert page.locator("#panel-tree .edge.running").count() >= 4
     page.locator("#panel-tree").get_by_role("button", name="Show the whole tree").click()

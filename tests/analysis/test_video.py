@@ -148,11 +148,7 @@ def test_how_much_is_done_is_said_of_a_run_in_parts(in_parts: tuple[Path, Path],
     [
         ("film.avi", FilmRequest(), "{file}: a film is a file that ends in .mp4 or .gif"),
         ("film.mp4", FilmRequest(start=2.0, end=2.0), "from 2 s to 2 s there is nothing to film"),
-        (
-            "film.mp4",
-            FilmRequest(start=50.0),
-            "{log}: the run lasted 2.95 s; there is nothing from 50 s on",
-        ),
+        ("film.mp4", FilmRequest(start=50.0), "{log}: the run lasted 2.95 s; there is nothing from 50 s on"),
         ("film.mp4", FilmRequest(speed=0.0), "speed 0: it must be more than 0"),
         ("film.mp4", FilmRequest(size=(321, 200)), "size 321x200: the sides of an MP4 must be even"),
         ("file/film.mp4", FilmRequest(), "{file} cannot be written: file exists"),

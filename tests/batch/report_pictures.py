@@ -28,10 +28,7 @@ class Shot:
     """Element that is scrolled to."""
 
 
-SHOTS = (
-    Shot("batch-report", (1280, 1440)),
-    Shot("batch-report-phone", (390, 844), scale=1.5, top="choice"),
-)
+SHOTS = (Shot("batch-report", (1280, 1440)), Shot("batch-report-phone", (390, 844), scale=1.5, top="choice"))
 
 
 def main() -> None:

@@ -242,11 +242,7 @@ def test_a_campaign_runs_on_a_cluster(cluster: str, tmp_path: Path) -> None:
 
 def test_the_sources_of_a_worker_are_those_of_its_runs_and_of_batches() -> None:
     found = set(installed().sources)
-    assert {
-        "apps/batch/local_executor.py",
-        "apps/batch/cluster.py",
-        "analysis/resim.py",
-    } <= found
+    assert {"apps/batch/local_executor.py", "apps/batch/cluster.py", "analysis/resim.py"} <= found
     assert {
         "analysis/explain/run_explanation.py",
         "skills/grasp.py",
@@ -302,16 +298,13 @@ def test_ray_is_loaded_in_processes_of_its_own_alone() -> None:
 
 
 @pytest.mark.slow
-def test_nothing_is_left_of_a_batch_that_is_killed_whose_cluster_was_on_the_loopback(
-    tmp_path: Path,
-) -> None:
+def test_nothing_is_left_of_a_batch_that_is_killed_whose_cluster_was_on_the_loopback(tmp_path: Path) -> None:
     short = Path(tempfile.mkdtemp(prefix="t-", dir="/tmp"))  # Ray's sockets have no room in longer paths
     plan = troubled(tmp_path, "once(seed); time.sleep(600)", (0, 1))
     options = ["--mission", str(plan.missions[0]), "--seeds", "0:2", "--backend", "kinematic"]
     options += ["--executor", "ray", "--workers", "2", "--out", str(tmp_path / "batch")]
     batch = subprocess.Popen(
-        [sys.executable, "-m", "picktree", "batch", "run", *options],
-        env={**os.environ, "TMPDIR": str(short)},
+        [sys.executable, "-m", "picktree", "batch", "run", *options], env={**os.environ, "TMPDIR": str(short)}
     )
     try:
         until(lambda: (tmp_path / "tried-0").exists() and (tmp_path / "tried-1").exists())

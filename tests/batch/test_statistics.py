@@ -89,8 +89,7 @@ def test_an_unpaired_difference_is_judged_by_handing_out_anew() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "seeds"),
-    [("0:3", (0, 1, 2)), ("5", (5,)), ("3, 7, 5:8", (3, 7, 5, 6)), ("1,1:3", (1, 2))],
+    ("text", "seeds"), [("0:3", (0, 1, 2)), ("5", (5,)), ("3, 7, 5:8", (3, 7, 5, 6)), ("1,1:3", (1, 2))]
 )
 def test_seeds_are_half_open_ranges_and_numbers(text: str, seeds: tuple[int, ...]) -> None:
     assert parse_seeds(text) == seeds

@@ -106,10 +106,7 @@ def many(path: Path, failures: int) -> Path:
     """A log in which one node fails that often, and a loop passes over each."""
     nodes = Tree((TreeNode("Main", "ForEach", "Main", "", ("Main/Grasp",)),
                   TreeNode("Main/Grasp", "Grasp", "Grasp", "Main")))  # fmt: skip
-    status = (
-        NodeState("Main", "ForEach", "RUNNING", True),
-        NodeState("Main/Grasp", "Grasp", "IDLE", True),
-    )
+    status = (NodeState("Main", "ForEach", "RUNNING", True), NodeState("Main/Grasp", "Grasp", "IDLE", True))
     script: Mapping[int, Sequence[Transition]] = {0: [Transition("Main", "RUNNING")]}
     with Recorder(path, RunInfo("made up", "nowhere", "none", 0, "kinematic", 0.05)) as recorder:
         recorder.tree(nodes)

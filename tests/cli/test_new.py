@@ -84,10 +84,7 @@ def test_cases_of_a_start_pass(
 
 @pytest.mark.parametrize(
     ("kinds", "run"),
-    [
-        (["mission", "scene"], ["mission.yaml", "--scene", "scene.yaml"]),
-        (["plugin"], ["lift.yaml"]),
-    ],
+    [(["mission", "scene"], ["mission.yaml", "--scene", "scene.yaml"]), (["plugin"], ["lift.yaml"])],
 )
 def test_a_start_runs_on_the_kinematic_backend(
     kinds: list[StartKind],

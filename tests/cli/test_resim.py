@@ -88,10 +88,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> Callable[[Resimulation], list[dict
 def test_identical(asked: Callable[..., Any], capfd: pytest.CaptureFixture[str]) -> None:
     orders = asked(SAME)
     assert answer(["resim", "last", "--until", "116"]) == 0
-    assert capfd.readouterr() == (
-        "identical: 116 ticks, 5.75 simulated s, digest 0123456789abcdef\n",
-        "",
-    )
+    assert capfd.readouterr() == ("identical: 116 ticks, 5.75 simulated s, digest 0123456789abcdef\n", "")
     assert orders == [{"log": "last", "changes": RunChanges(), "until": "116", "out": None}]
 
 

@@ -540,8 +540,7 @@ def test_each_failure_has_the_outcome_of_its_episode(
 
 
 @pytest.mark.parametrize(
-    ("parent", "expected"),
-    [("ForEach", "passed_over"), ("WhileDoElse", "branched"), ("Fallback", "cured")],
+    ("parent", "expected"), [("ForEach", "passed_over"), ("WhileDoElse", "branched"), ("Fallback", "cured")]
 )
 def test_a_failure_that_a_node_goes_on_without(parent: str, expected: str) -> None:
     path, grasp = f"Main/{parent}", f"Main/{parent}/Grasp"

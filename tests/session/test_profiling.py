@@ -31,8 +31,7 @@ def test_a_profile_has_the_functions_of_the_run_and_leaves_its_digest(tmp_path: 
 
 
 @pytest.mark.parametrize(
-    ("file", "reason"),
-    [("gone/run.json", "there is no folder {}/gone"), (".", "it is a folder")],
+    ("file", "reason"), [("gone/run.json", "there is no folder {}/gone"), (".", "it is a folder")]
 )
 def test_a_file_that_cannot_be_written_is_refused_before_the_run(
     file: str, reason: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -25,10 +25,7 @@ def page(tmp_path: Path, state_home: Path, chromium: Chromium) -> Iterator[tuple
     """The studio of an empty folder, by its command, in a browser."""
     folder = tmp_path / "cell"
     folder.mkdir()
-    with (
-        studio_process(folder) as studio,
-        chromium.blank(studio.address) as (browser, told),
-    ):
+    with studio_process(folder) as studio, chromium.blank(studio.address) as (browser, told):
         browser.set_default_timeout(PATIENCE * 1000)
         browser.goto(studio.served.link)
         yield browser, told, studio.served
