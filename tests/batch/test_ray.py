@@ -18,7 +18,6 @@ import pytest
 
 from picktree.analysis import Run
 from picktree.apps.batch import Batch, BatchPlan, Executor, LocalExecutor, RayExecutor, ray_executor
-from picktree.apps.batch.plan import JobLimits
 from picktree.apps.batch.ray_executor import Installation, difference, installed
 from picktree.apps.cli import answer
 from picktree.files import PicktreeError
@@ -71,7 +70,7 @@ NODES = (Trouble,)
 """
 
 
-def troubled(folder: Path, doing: str, seeds: tuple[int, ...], **limits: float) -> BatchPlan:
+def troubled(folder: Path, doing: str, seeds: tuple[int, ...]) -> BatchPlan:
     """A mission whose only skill does that after five ticks."""
     (folder / "trouble.py").write_text(TROUBLE.format(here=str(folder), doing=doing))
     mission = folder / "mission.yaml"
@@ -79,14 +78,7 @@ def troubled(folder: Path, doing: str, seeds: tuple[int, ...], **limits: float) 
         "picktree: 1\nkind: mission\nname: trouble\nscene: sort_small\ngoal: left >= 0\n"
         "plugins: [trouble.py]\ntrees:\n  Main: Trouble\n"
     )
-    return BatchPlan(
-        "trouble",
-        (mission,),
-        seeds,
-        backend="kinematic",
-        keep="all",
-        limits=JobLimits(**limits),  # type: ignore[arg-type]
-    )
+    return BatchPlan("trouble", (mission,), seeds, backend="kinematic", keep="all")
 
 
 def run(plan: BatchPlan, folder: Path, executor: Executor) -> tuple[tuple[object, ...], ...]:
@@ -169,31 +161,6 @@ def test_a_worker_that_is_lost_costs_its_job_one_try(
     assert [row[4] for row in rows] == [1, 2, 2, 1]
     assert len(seen.again) == 2
     assert [reason for reason in seen.again if re.fullmatch(r"its worker on the node [\d.]+ is gone", reason)]
-
-
-def test_limits_hold_and_a_job_that_ends_its_process_costs_itself_alone(
-    tmp_path: Path, two: RayExecutor
-) -> None:
-    doing = """
-        if seed == 1 and once(seed):
-            time.sleep(600)
-        if seed == 2:
-            self.hoard = bytearray(900_000_000)
-            time.sleep(600)
-        if seed == 3:
-            os._exit(7)"""
-    plan = troubled(tmp_path, doing, (0, 1, 2, 3, 4), wall=15.0, memory=700_000_000)
-    run(plan, tmp_path / "batch", two)
-    with Batch.resume(tmp_path / "batch") as batch:
-        asked = "SELECT seed, status, attempts, message FROM jobs ORDER BY seed"
-        zero, hung, full, gone, last = batch.store.query(asked).rows
-        why = batch.store.query("SELECT reason FROM crashes JOIN jobs USING (job) WHERE seed = 1").rows
-    assert [zero[:3], last[:3]] == [(0, "success", 1), (4, "success", 1)]
-    assert hung[:3] == (1, "success", 2)
-    assert ["more than 15 s of wall time" in str(reason) for (reason,) in why] == [True]
-    assert [full[:3], gone[:3]] == [(seed, "crashed", 2) for seed in (2, 3)]
-    assert "more than 700 MB of memory" in str(full[3])
-    assert "exit code 7" in str(gone[3])
 
 
 def test_a_stopped_batch_breaks_its_jobs_off_and_goes_on_later(tmp_path: Path, two: RayExecutor) -> None:
