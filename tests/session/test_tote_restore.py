@@ -116,7 +116,7 @@ base: totes
 checkpoint_every: 1
 cameras: {overhead: {size: [320, 240]}}
 spawn: [{of: {assortment: 1}, colours: [red, blue], into: tote, drop: heap}]
-feed: [{of: {assortment: 1}, colours: [red, blue], into: tote, total: 2}]
+feed: [{of: {assortment: 2}, colours: [red, blue], into: tote, total: 2}]
 """
 
 
