@@ -110,7 +110,7 @@ def test_a_difference_with_its_likely_reason(
 @pytest.mark.parametrize(
     ("missing", "words", "where"),
     [("a", "there is such a message only now", "recorded"),
-     ("b", "there is such a message only in the record", "now")],
+     ("b", "there is such a message only recorded", "now")],
 )  # fmt: skip
 def test_a_missing_message_is_told_by_its_side(
     missing: Any, words: str, where: str, asked: Callable[..., Any], capfd: pytest.CaptureFixture[str]
