@@ -93,7 +93,9 @@ def test_a_plan_file_says_all_of_it(tmp_path: Path) -> None:
 
 def test_every_example_of_a_plan_is_free_of_faults() -> None:
     plans = [load_plan(plan) for plan in sorted(EXAMPLES.glob("plan_*.yaml"))]
-    assert ("grip force", 2, 40) in [(plan.name, len(plan.variants()), len(plan.seeds)) for plan in plans]
+    assert ("grip force", 2, 40) in [
+        (plan.name, len(list(plan.variants())), len(plan.seeds)) for plan in plans
+    ]
 
 
 def test_a_plan_tries_robots_and_refuses_those_that_are_none(tmp_path: Path) -> None:
