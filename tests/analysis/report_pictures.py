@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -35,7 +36,7 @@ MOST_BYTES = 300_000
 class Shot:
     name: str
     size: tuple[int, int]
-    at: str
+    at: str = ""
     dark: bool = False
     scale: float = 1.0
     script: str = ""
@@ -67,7 +68,7 @@ def main() -> None:
         page = Path(scratch) / "report.html"
         with Run(given.log or _run(Path(scratch))) as run:
             print(write_report(run, page).to_text())
-        _take(page, given.folder)
+        take(page, given.folder, SHOTS, MOST_BYTES)
 
 
 def _run(folder: Path) -> Path:
@@ -77,10 +78,10 @@ def _run(folder: Path) -> Path:
     return Session(RunRequest(mission=MISSION, seed=3, faults=faults, out=folder)).run().folder
 
 
-def _take(page: Path, folder: Path) -> None:
+def take(page: Path, folder: Path, shots: Sequence[Shot], most_bytes: int) -> None:
     browser = Chromium()
     try:
-        for shot in SHOTS:
+        for shot in shots:
             touch = shot.size[0] < 700
             with browser.page(page, shot.size, shot.at, dark=shot.dark, touch=touch, scale=shot.scale) as (
                 opened,
@@ -92,7 +93,7 @@ def _take(page: Path, folder: Path) -> None:
                 file = folder / f"{shot.name}.png"
                 opened.screenshot(path=str(file))
                 print(f"{file}: {file.stat().st_size / 1e3:.0f} kB", *told.problems)
-                assert file.stat().st_size < MOST_BYTES, f"{file} is too large"
+                assert file.stat().st_size < most_bytes, f"{file} is too large"
     finally:
         browser.close()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -88,14 +89,6 @@ def test_a_wrong_colour_costs_its_item_and_a_slip_another_one(tmp_path: Path) ->
     assert slipped.title.endswith("though it weighs and rubs like its kind")
 
 
-def test_a_larger_item_is_no_crowd_of_others(tmp_path: Path) -> None:
-    fault = "{fault: larger, when: {at: 0 s}, target: {kind: block}, factor: 2.2}"
-    found = blind(run(tmp_path, items=BALL + BLOCK, fault=fault, backend="physics"))
-    assert first(found)[0] == "item.larger"
-    assert "2.2 times as large" in first(found)[1]
-    assert not any(c.cause == "item.crowded" for c in found.root_causes)
-
-
 def test_what_lies_in_the_bin_is_not_told_to_be_in_the_hand(tmp_path: Path) -> None:
     fault = "{fault: wrench_bias, when: {node: Place, delay: 500 ms}, force: [0, 0, 8 N], lasts: 10 s}"
     found = blind(run(tmp_path, items=BLOCK, fault=fault, backend="physics"))
@@ -104,56 +97,50 @@ def test_what_lies_in_the_bin_is_not_told_to_be_in_the_hand(tmp_path: Path) -> N
     assert "truly not in the hand any more" in [event.what for event in item.events]
 
 
-def test_a_place_before_the_grasp_is_the_missions_order(tmp_path: Path) -> None:
-    grasp, place = (
-        line for line in MISSION.splitlines(keepends=True) if "Grasp:" in line or "Place:" in line
-    )
-    found = blind(run(tmp_path, mission=MISSION.replace(grasp + place, place + grasp)))
-    (cause,) = found.root_causes
-    assert (cause.cause, cause.ended_run, len(cause.items)) == ("mission.order", True, 2)
-    assert cause.title == "Place was run before anything was grasped: nothing was in the hand"
-
-
-def test_an_item_that_the_mission_puts_elsewhere_or_sets_aside(tmp_path: Path) -> None:
-    elsewhere = MISSION.replace('into: "{item.destination}"', "at: [0.5, -0.2, 0.0]")
-    found = blind(run(tmp_path, items=BLOCK, mission=elsewhere))
-    assert first(found)[0] == "mission.put_elsewhere"
-    assert "(the robot: 1 put down elsewhere)" in found.outcome.sentence
-    aside = MISSION.replace('- Grasp: {object: "{item}"}', '- SetAside: {object: "{item}"}')
-    aside = aside.replace('                - Place: {object: "{item}", into: "{item.destination}"}\n', "")
-    (tmp_path / "aside").mkdir()
-    found = blind(run(tmp_path / "aside", items=BLOCK, mission=aside))
-    assert first(found)[0] == "mission.set_aside"
-    assert [item.state for item in found.items] == ["aside"]
-
-
 def test_items_without_a_destination_are_told_as_such(tmp_path: Path) -> None:
     scene = "destinations: [{where: \"colour == 'red'\", to: red_bin}]\n"
     found = blind(run(tmp_path, scene=scene))
     assert "(1 of all belong nowhere by the scene's rules)" in found.outcome.sentence
 
 
-def test_an_item_that_came_after_the_last_look(tmp_path: Path) -> None:
-    fault = "{fault: appear, when: {at: 3 s}, kind: can, colour: red, place: [0.5, -0.2]}"
-    found = blind(run(tmp_path, fault=fault))
-    assert first(found)[0] == "item.appeared"
-    assert first(found)[1].endswith("after the last look")
+GRASPED, PLACED = (f"{line}\n" for line in MISSION.splitlines() if "Grasp:" in line or "Place:" in line)
+PLACE_FIRST = MISSION.replace(GRASPED + PLACED, PLACED + GRASPED)
+ELSEWHERE = MISSION.replace('into: "{item.destination}"', "at: [0.5, -0.2, 0.0]")
+ASIDE = MISSION.replace(GRASPED, GRASPED.replace("Grasp", "SetAside")).replace(PLACED, "")
+GREEDY = MISSION.replace("scene: scene.yaml\n", "scene: scene.yaml\ngoal: sorted >= 5\n")
+CRATE = "  - {of: {crate: 1}, colours: [red], area: {min: [0.4, -0.1], max: [0.5, 0.1]}}\n"
+CRATES = "catalogue: {crate: {box: [95 mm, 95 mm, 50 mm], mass: 150 g, friction: 0.6}}\n"
 
 
-def test_a_goal_that_no_item_can_reach(tmp_path: Path) -> None:
-    mission = MISSION.replace("scene: scene.yaml\n", "scene: scene.yaml\ngoal: sorted >= 5\n")
-    found = blind(run(tmp_path, mission=mission))
-    assert first(found) == (
-        "goal.beyond_items",
-        "every item is where it belongs, and the goal is missed: `sorted >= 5` does not hold",
-    )  # fmt: skip
-
-
-def test_an_item_that_the_hand_cannot_take(tmp_path: Path) -> None:
-    scene = "catalogue: {crate: {box: [95 mm, 95 mm, 50 mm], mass: 150 g, friction: 0.6}}\n"
-    items = "  - {of: {crate: 1}, colours: [red], area: {min: [0.4, -0.1], max: [0.5, 0.1]}}\n"
-    found = blind(run(tmp_path, scene=scene, items=items))
-    assert first(found) == ("item.too_wide", "red_crate_1 is too wide for the hand: 95 mm at its narrowest")
+@pytest.mark.parametrize(
+    ("options", "cause", "title", "outcome"),
+    [
+        ({"fault": "{fault: larger, when: {at: 0 s}, target: {kind: block}, factor: 2.2}",
+          "backend": "physics"}, "item.larger", "2.2 times as large", ""),
+        ({"fault": "{fault: appear, when: {at: 3 s}, kind: can, colour: red, place: [0.5, -0.2]}"},
+         "item.appeared", "after the last look", ""),
+        ({"mission": PLACE_FIRST}, "mission.order",
+         "Place was run before anything was grasped: nothing was in the hand", ""),
+        ({"items": BLOCK, "mission": ELSEWHERE}, "mission.put_elsewhere", "",
+         "(the robot: 1 put down elsewhere)"),
+        ({"items": BLOCK, "mission": ASIDE}, "mission.set_aside", "", ""),
+        ({"mission": GREEDY}, "goal.beyond_items",
+         "every item is where it belongs, and the goal is missed: `sorted >= 5` does not hold", ""),
+        ({"scene": CRATES, "items": CRATE}, "item.too_wide",
+         "red_crate_1 is too wide for the hand: 95 mm at its narrowest", ""),
+    ],
+    ids=lambda value: value if isinstance(value, str) and re.fullmatch(r"\w+\.\w+", value) else "",
+)  # fmt: skip
+def test_items_and_missions_at_fault(
+    options: dict[str, Any], cause: str, title: str, outcome: str, tmp_path: Path
+) -> None:
+    found = blind(run(tmp_path, **options))
+    assert found.root_causes[0].cause == cause
+    assert title in found.root_causes[0].title
+    assert outcome in found.outcome.sentence
+    assert "item.crowded" not in {root.cause for root in found.root_causes}
+    if cause == "mission.set_aside":
+        assert [item.state for item in found.items] == ["aside"]
 
 
 def test_a_silent_sensor_is_known_though_its_reading_turns_with_the_hand() -> None:

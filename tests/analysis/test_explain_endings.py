@@ -14,14 +14,11 @@ from picktree.analysis.explain.explanation_text import notes_on
 from picktree.apps.cli.replay_stepper import evidence_lines
 from picktree.logs import RunLog
 from picktree.logs.log_files import Rotation
-from picktree.session import ResumeRequest, Resumption, RunRequest, Session
-from picktree.session.mission_edits import MissionReload
+from picktree.session import RunRequest, Session
 
-from ..session.test_watch import LOGGED, MISSION, Editor
 from .test_explain_roots import BALL, BLOCK
 from .test_explain_roots import MISSION as SORT
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
 HEAD = "picktree: 1\nkind: mission\nscene: sort_small\n"
 PLUGIN = """
 from picktree.trees import In, port
@@ -115,10 +112,11 @@ def test_a_fault_in_the_code_of_a_node(tmp_path: Path) -> None:
     assert "    ZeroDivisionError: one over nothing" in shown
 
 
+WAITING = HEAD + "trees:\n  Main:\n    Delay: {delay_msec: 3 s, do: {GoTo: {pose: rest}}}\n"
+
+
 def test_a_run_that_goes_on_is_not_called_killed(tmp_path: Path) -> None:
-    (tmp_path / "mission.yaml").write_text(
-        HEAD + "trees:\n  Main:\n    Delay: {delay_msec: 3 s, do: {GoTo: {pose: rest}}}\n", encoding="utf-8"
-    )
+    (tmp_path / "mission.yaml").write_text(WAITING, encoding="utf-8")
     session = Session(RunRequest(mission=tmp_path / "mission.yaml", backend="kinematic", out=tmp_path))
     step, seen = session.execution.world.control.step_tick, list[tuple[str, str, str]]()
 
@@ -139,9 +137,7 @@ def test_a_run_that_goes_on_is_not_called_killed(tmp_path: Path) -> None:
 
 
 def test_a_file_of_a_rotated_log_that_another_continues_is_not_called_killed(tmp_path: Path) -> None:
-    (tmp_path / "mission.yaml").write_text(
-        HEAD + "trees:\n  Main:\n    Delay: {delay_msec: 3 s, do: {GoTo: {pose: rest}}}\n", encoding="utf-8"
-    )
+    (tmp_path / "mission.yaml").write_text(WAITING, encoding="utf-8")
     request = RunRequest(
         mission=tmp_path / "mission.yaml", backend="kinematic", out=tmp_path, rotation=Rotation(seconds=1.0)
     )
@@ -152,19 +148,13 @@ def test_a_file_of_a_rotated_log_that_another_continues_is_not_called_killed(tmp
     assert found.outcome.sentence == (
         "this file of the log ends at 1.95 s, and log-0003.mcap goes on while Delay was running"
     )
-    last = max(folder.glob("log-*.mcap"))
-    with Run(last) as log:
+    with Run(max(folder.glob("log-*.mcap"))) as log:
         assert log.explanation.outcome.status == "incomplete"
 
 
-def test_what_was_done_before_a_log_began_is_one_item_in_it(tmp_path: Path) -> None:
+def test_what_was_done_before_a_log_began_is_one_item_in_it(in_parts: tuple[Path, Path]) -> None:
     """In a later file of a rotated log, and in that of a resumed run."""
-    mission = EXAMPLES / "sort_by_colour.yaml"
-    parts = Rotation(seconds=9.0)
-    request = RunRequest(mission, backend="kinematic", out=tmp_path, limit=13.0, rotation=parts)
-    folder = Session(request).run().folder
-    with Resumption(ResumeRequest(folder, out=tmp_path / "resumed", limit=16.0)) as resumption:
-        resumed = resumption.session().run().folder
+    folder, resumed = in_parts
     for log in (folder, folder / "log-0002.mcap", resumed):
         with Run(log) as run:
             items = run.explanation.items
@@ -206,18 +196,10 @@ def test_a_program_that_died_while_it_ran(tmp_path: Path, monkeypatch: pytest.Mo
     assert [cause.cause for cause in found.root_causes] == ["run.crashed"]
 
 
-def test_a_mission_that_was_edited_while_it_ran(tmp_path: Path) -> None:
-    mission = tmp_path / "mission.yaml"
-    mission.write_text(MISSION, encoding="utf-8")
-    editor = Editor(tmp_path, {0.3: {"mission.yaml": LOGGED}})
-    session = Session(
-        RunRequest(mission=mission, backend="kinematic", out=tmp_path), observers=[MissionReload(editor)]
-    )
-    editor.clock = lambda: session.execution.world.clock.now
-    folder = session.run().folder
-    with Run(folder) as log:
+def test_a_mission_that_was_edited_while_it_ran(edited: Path) -> None:
+    with Run(edited) as log:
         (note,) = notes_on(log)
-        text = to_text(log, log.explanation, str(folder))
+        text = to_text(log, log.explanation, str(edited))
     assert note.startswith("the mission was edited while it ran, at ")
     assert "Note: the mission was edited while it ran" in text
 

@@ -244,15 +244,6 @@ def test_a_run_that_was_ended_at_its_limit(tmp_path: Path) -> None:
     assert cause.reasons[0].startswith("what ran then: Place of red_ball_1 (for ")
 
 
-def test_a_camera_that_hangs_elsewhere(tmp_path: Path) -> None:
-    found = blind(run(tmp_path, scene="cameras:\n  overhead: {error: [30 mm, 0, 0]}\n"))
-    assert [cause.cause for cause in found.root_causes] == ["camera.off"]
-    assert found.root_causes[0].title == (
-        "everything is believed 3 cm from where it is: the camera overhead hangs elsewhere than believed, "
-        "or is turned"
-    )
-
-
 def test_an_oiled_item_by_what_the_hand_feels(tmp_path: Path) -> None:
     fault = "{fault: friction, when: {node: Grasp}, target: {nearest_to: object}, friction: 0.01}"
     gentle = MISSION.replace('Grasp: {object: "{item}"}', 'Grasp: {object: "{item}", force: 30 N}')

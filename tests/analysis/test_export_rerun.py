@@ -96,10 +96,7 @@ def test_a_lane_is_coloured_from_beginning_to_end_and_then_empty(run: Run, read:
     assert lane == [
         change
         for visit in grasps
-        for change in (
-            (round(visit.start * 1e9), [visit.outcome]),
-            (round(visit.end * 1e9), ["IDLE"]),
-        )
+        for change in ((round(visit.start * 1e9), [visit.outcome]), (round(visit.end * 1e9), ["IDLE"]))
     ]
 
 

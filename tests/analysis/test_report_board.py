@@ -13,13 +13,7 @@ import pytest
 from picktree.analysis import Run
 from picktree.analysis.report import Section
 from picktree.analysis.report.board_panel import pack_board, sightings, unknown_bodies, yaw_and_tilt
-from picktree.analysis.report.body_motion import (
-    Frames,
-    SceneMotion,
-    TrueBodySamples,
-    deviations,
-    motion_of,
-)
+from picktree.analysis.report.body_motion import Frames, SceneMotion, TrueBodySamples, deviations, motion_of
 from picktree.analysis.report.report import pack_failures, plain_value, plan_line, report_events
 from picktree.logs.log_records import BodyRecord
 from picktree.world import BlackboardWrite, Box, Plan, Pose

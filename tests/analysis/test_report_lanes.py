@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from picktree.analysis import Run
@@ -15,12 +14,10 @@ from picktree.analysis.report.node_panels import OUTCOMES, item_spans, pack_lane
 from picktree.analysis.report.tick_table import ABSENT, STATUSES, TICKED, RunNode, nodes_of, tick_table
 from picktree.files import PicktreeError
 from picktree.session import RunRequest, Session
-from picktree.session.mission_edits import MissionReload
 from picktree.trees.loading import parse_mission
 from picktree.world import BlackboardWrite, Tree, TreeNode
 
-from ..logs.scripted_log import begins, ends, record, tree
-from ..session.test_watch import LOGGED, MISSION, Editor
+from ..logs.scripted_log import Said, begins, ends, record, tree
 
 
 def data(section: Section) -> Mapping[str, Any]:
@@ -126,33 +123,41 @@ def test_bands_of_items_span_the_outermost_visit_about_them(loop_log: Path) -> N
     ]
 
 
-def test_a_second_try_within_the_work_on_an_item_is_no_band_of_its_own(tmp_path: Path) -> None:
-    script = {
-        0: [begins("Main"), begins("Main/ForEach")],
-        1: [
-            BlackboardWrite("Main/item", "a", "Main/ForEach"),
-            begins("Main/ForEach/Sequence"),
-            begins(GRASP, "a"),
-        ],
-        3: [ends(GRASP, "FAILURE", "grasp.missed"), begins(GRASP, "a")],
-        5: [ends(GRASP), ends("Main/ForEach/Sequence")],
-    }
-    with Run(record(tmp_path / "log.mcap", LOOP, 7, script)) as run:
-        (span,) = item_spans(run.visits)
-    assert (span.item, span.first, span.last, span.outcome) == ("a", 1, 5, "SUCCESS")
+WORK = "Main/ForEach/Sequence"
 
 
-def test_nodes_in_a_row_about_one_item_are_one_band_and_the_next_round_is_another(tmp_path: Path) -> None:
-    nodes = tree("Main", "Main/Grasp", "Main/Place")
-    script = {
-        0: [begins("Main"), begins("Main/Grasp", "a")],
-        1: [ends("Main/Grasp"), begins("Main/Place", "a")],
-        2: [ends("Main/Place"), begins("Main/Grasp", "a")],
-        4: [ends("Main/Grasp", "FAILURE", "grasp.missed")],
-    }
-    with Run(record(tmp_path / "log.mcap", nodes, 6, script)) as run:
+@pytest.mark.parametrize(
+    ("nodes", "script", "expected"),
+    [
+        (
+            LOOP,
+            {
+                0: [begins("Main"), begins("Main/ForEach")],
+                1: [BlackboardWrite("Main/item", "a", "Main/ForEach"), begins(WORK), begins(GRASP, "a")],
+                3: [ends(GRASP, "FAILURE", "grasp.missed"), begins(GRASP, "a")],
+                5: [ends(GRASP), ends(WORK)],
+            },
+            [(1, 5, "SUCCESS")],
+        ),
+        (
+            tree("Main", "Main/Grasp", "Main/Place"),
+            {
+                0: [begins("Main"), begins("Main/Grasp", "a")],
+                1: [ends("Main/Grasp"), begins("Main/Place", "a")],
+                2: [ends("Main/Place"), begins("Main/Grasp", "a")],
+                4: [ends("Main/Grasp", "FAILURE", "grasp.missed")],
+            },
+            [(0, 2, "SUCCESS"), (2, 4, "FAILURE")],
+        ),
+    ],
+    ids=["a second try is no band of its own", "the next round is another band"],
+)
+def test_work_on_an_item_is_one_band(
+    tmp_path: Path, nodes: Tree, script: Mapping[int, Sequence[Said]], expected: list[tuple[int, int, str]]
+) -> None:
+    with Run(record(tmp_path / "log.mcap", nodes, 7, script)) as run:
         spans = item_spans(run.visits)
-    assert [(span.first, span.last, span.outcome) for span in spans] == [(0, 2, "SUCCESS"), (2, 4, "FAILURE")]
+    assert [(span.first, span.last, span.outcome) for span in spans] == expected
 
 
 def test_statuses_are_those_of_every_tick(troubled_log: Path) -> None:
@@ -203,19 +208,10 @@ def test_a_mission_that_is_not_the_one_that_ran_is_not_drawn(tmp_path: Path) -> 
     assert parse_mission(other, tmp_path / "mission.yaml").name == "other"
 
 
-def test_an_edited_mission_has_a_chart_for_each_of_its_trees(tmp_path: Path) -> None:
-    mission = tmp_path / "mission.yaml"
-    mission.write_text(MISSION)
-    editor = Editor(tmp_path, {0.3: {"mission.yaml": LOGGED}})
-    session = Session(
-        RunRequest(mission=mission, out=tmp_path / "runs", backend="kinematic"),
-        observers=[MissionReload(editor)],
-    )
-    editor.clock = lambda: session.execution.world.clock.now
-    with Run(session.run().log) as run:
+def test_an_edited_mission_has_a_chart_for_each_of_its_trees(edited: Path) -> None:
+    with Run(edited) as run:
         charts = data(pack_tree(run))["charts"]
         assert [chart["since"] for chart in charts] == [at.time for at in run.trees]
-        assert len(charts) == 2
         before, after = (str(chart["chart"]["trees"]["Part"]) for chart in charts)
         assert "edited" not in before
         assert "edited" in after
@@ -239,13 +235,6 @@ def test_ticks_that_cannot_be_read_are_one_clear_error(loop_log: Path, monkeypat
         monkeypatch.setattr(run.log, "messages", messages)
         with pytest.raises(PicktreeError, match=r"/bt/tick at 0\.05 s: unreadable message: "):
             tick_table(run)
-
-
-def test_a_status_matrix_has_a_row_for_each_node(loop_log: Path) -> None:
-    with Run(loop_log) as run:
-        table = tick_table(run)
-    assert table.codes.dtype == np.uint8
-    assert table.codes.shape == (5, 10)
 
 
 def test_a_sub_tree_is_described_with_its_true_file(tmp_path: Path) -> None:

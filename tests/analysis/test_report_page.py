@@ -23,14 +23,6 @@ TIME = "picktreeReport.player.time"
 
 
 @pytest.fixture(scope="module")
-def report(troubled_log: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    file = tmp_path_factory.mktemp("report") / "report.html"
-    with Run(troubled_log) as run:
-        write_report(run, file)
-    return file
-
-
-@pytest.fixture(scope="module")
 def failures(troubled_log: Path) -> list[float]:
     """Their times."""
     with Run(troubled_log) as run:
@@ -77,14 +69,9 @@ def page(desk: tuple[Any, Told]) -> Iterator[Any]:
     assert (told.problems, told.requests) == ([], [])
 
 
-def test_page_opens_without_a_word_or_a_request(page: Any) -> None:
+def test_play_moves_time_at_the_chosen_speed(page: Any) -> None:
     assert page.title() == "sort by colour, sort_small, seed 0"
     assert page.locator("#head h1").inner_text() == "sort by coloursort_small · seed 0"
-    page.locator("#play").click()
-    assert wait_until(page, "parseFloat(document.getElementById('clock').textContent) > 0.2")
-
-
-def test_play_moves_time_at_the_chosen_speed(page: Any) -> None:
     page.keyboard.press("Space")
     wait_until(page, f"{TIME} > 0.15")
     assert page.locator("#play").get_attribute("aria-label") == "Pause"
@@ -121,8 +108,7 @@ def test_scrubber_seeks_and_the_clock_follows(page: Any) -> None:
     page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
     assert page.evaluate(TIME) == pytest.approx(page.evaluate("picktreeReport.player.end / 2"), abs=0.2)
     assert wait_until(
-        page,
-        "document.getElementById('clock').textContent === `${picktreeReport.player.time.toFixed(2)} s`",
+        page, "document.getElementById('clock').textContent === `${picktreeReport.player.time.toFixed(2)} s`"
     )
 
 

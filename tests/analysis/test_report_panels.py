@@ -28,14 +28,6 @@ GRASP = "Main/Repeat/Sequence/ForEach/SortOne/Recover/Sequence/Grasp"
 
 
 @pytest.fixture(scope="module")
-def report(troubled_log: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    file = tmp_path_factory.mktemp("panels") / "report.html"
-    with Run(troubled_log) as run:
-        write_report(run, file)
-    return file
-
-
-@pytest.fixture(scope="module")
 def failures(troubled_log: Path) -> tuple[FailureStory, ...]:
     with Run(troubled_log) as run:
         return run.explanation.failures
@@ -282,15 +274,13 @@ def test_the_drawn_tree_shows_the_statuses_of_the_tick(page: Any, failures: tupl
     node = page.locator(f"#panel-tree [data-path='{failures[0].node}']")
     node.wait_for(state="attached")
     wait_until(
-        page,
-        f"document.querySelector(\"#panel-tree [data-path='{GRASP}']\").classList.contains('failure')",
+        page, f"document.querySelector(\"#panel-tree [data-path='{GRASP}']\").classList.contains('failure')"
     )
     assert "selected" in node.get_attribute("class")
     assert page.locator("#panel-tree .edge.failure").count() >= 1
     page.evaluate(f"picktreeReport.player.seek({failures[0].time} - 0.5)")
     wait_until(
-        page,
-        f"document.querySelector(\"#panel-tree [data-path='{GRASP}']\").classList.contains('running')",
+        page, f"document.querySelector(\"#panel-tree [data-path='{GRASP}']\").classList.contains('running')"
     )
     assert page.locator("#panel-tree .edge.running").count() >= 4
     page.locator("#panel-tree").get_by_role("button", name="Show the whole tree").click()

@@ -15,7 +15,6 @@ from picktree.analysis.render.renderer import LightingSetup, render
 from picktree.analysis.render.viewpoint import VIEWS
 from picktree.files import PicktreeError
 from picktree.logs import RunLog
-from picktree.logs.recording import decode_colour
 from picktree.logs.triangle_meshes import join_meshes, shape_mesh
 from picktree.world import Box, Pose, Sphere
 from picktree.world.robot_model import load_robot
@@ -59,12 +58,6 @@ def test_a_shadow_falls_away_from_the_sun() -> None:
     assert left < right - 50
 
 
-def test_pictures_are_alike_to_the_last_bit(log_path: Path) -> None:
-    with RunLog(log_path) as log:
-        first = draw(log, 0.5, (160, 100))
-        np.testing.assert_array_equal(first, draw(log, 0.5, (160, 100)))
-
-
 def test_an_object_that_was_removed_is_not_drawn(log_path: Path) -> None:
     with RunLog(log_path) as log:
         before, after = draw(log, 1.9, (320, 200), caption=False), draw(log, 2.1, (320, 200), caption=False)
@@ -91,12 +84,6 @@ def test_a_bin_has_a_tint_of_its_items_in_pictures_and_films(troubled_log: Path,
     strongest = {"red_bin/0": {0}, "green_bin/0": {1}, "blue_bin/0": {2}}
     assert found == {name: strongest[name] for name in found}
     assert len(found) >= 2
-
-
-def test_the_file_has_the_size_that_was_asked_for(log_path: Path, tmp_path: Path) -> None:
-    output = tmp_path / "new" / "picture.png"
-    snapshot(str(log_path), 1.0, output, (300, 200))
-    assert decode_colour(output.read_bytes()).shape == (200, 300, 3)
 
 
 def test_a_moment_that_never_was_is_refused(log_path: Path, tmp_path: Path) -> None:

@@ -10,14 +10,12 @@ import pytest
 
 from picktree.analysis.render import FilmRequest, PictureView, film
 from picktree.analysis.render.films import FrameSetup, FrameWorkers
-from picktree.analysis.render.frames import moments
+from picktree.analysis.render.frames import FrameContent, moments
 from picktree.analysis.render.scene_view import Show
 from picktree.files import PicktreeError
 from picktree.logs import RunLog, RunResult, install_command
-from picktree.logs.log_files import Rotation
-from picktree.session import ResumeRequest, Resumption, RunRequest, Session
+from picktree.session import RunRequest, Session
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
 SMALL = (256, 160)
 
 
@@ -89,26 +87,20 @@ def test_several_processes_draw_the_same_in_the_same_order(picked: RunResult) ->
     assert np.abs(drawn[0].astype(int) - drawn[-1]).max() > 100
 
 
-def test_belief_truth_or_both_are_shown(picked: RunResult) -> None:
-    with RunLog(picked.log) as log:
-        believed, true, both = (
-            next(moments(log, [0.0], (0.0, 0.0), show=show)).shown for show in ("belief", "truth", "both")
-        )
-    assert believed.solid.bodies == () and believed.outlined is None  # nothing has been seen yet
-    assert len(true.solid.bodies) > 0 and true.solid.fixed == believed.solid.fixed
-    assert both.solid == believed.solid and both.outlined is not None
-    assert both.outlined.bodies == true.solid.bodies
-
-
-def test_what_else_must_be_known_of_a_picture_is_said(picked: RunResult) -> None:
+def test_belief_truth_or_both_are_shown_and_told(picked: RunResult) -> None:
     with RunLog(picked.log) as log:
 
-        def note(show: Show, speed: float) -> str:
-            return next(moments(log, [0.0], (0.0, 0.0), show=show, speed=speed)).caption.note
+        def first(show: Show, speed: float) -> FrameContent:
+            return next(moments(log, [0.0], (0.0, 0.0), show=show, speed=speed))
 
-        assert note("belief", 1.0) == ""
-        assert note("truth", 0.5) == "truth · 0.5×"
-        assert note("both", 4.0) == "outlines: truth · 4×"
+        believed, true, both = first("belief", 1.0), first("truth", 0.5), first("both", 4.0)
+    notes = [each.caption.note for each in (believed, true, both)]
+    assert notes == ["", "truth · 0.5×", "outlines: truth · 4×"]
+    assert believed.shown.solid.bodies == () and believed.shown.outlined is None  # nothing was seen yet
+    assert len(true.shown.solid.bodies) > 0
+    assert true.shown.solid.fixed == believed.shown.solid.fixed == both.shown.solid.fixed
+    assert both.shown.solid == believed.shown.solid and both.shown.outlined is not None
+    assert both.shown.outlined.bodies == true.shown.solid.bodies
 
 
 def test_the_planned_path_is_shown_while_it_is_followed(picked: RunResult) -> None:
@@ -139,18 +131,13 @@ def caption_at_the_end(log: Path) -> str:
         return next(moments(opened, [opened.end], (0.0, opened.end))).caption.done
 
 
-def test_how_much_is_done_is_said_of_a_run_in_parts(tmp_path: Path) -> None:
+def test_how_much_is_done_is_said_of_a_run_in_parts(in_parts: tuple[Path, Path], tmp_path: Path) -> None:
     """A later file does not know what was done before it, and a resumed run does."""
-    mission = EXAMPLES / "sort_by_colour.yaml"
-    parts = Rotation(seconds=9.0)
-    request = RunRequest(mission, backend="kinematic", out=tmp_path, limit=13.0, rotation=parts)
-    folder = Session(request).run().folder
-    with Resumption(ResumeRequest(folder, out=tmp_path / "resumed", limit=16.0)) as resumption:
-        resumed = resumption.session().run()
+    folder, resumed = in_parts
     assert caption_at_the_end(folder / "log.mcap") == "4 of 12 items done"
     assert caption_at_the_end(folder / "log-0002.mcap") == "1 item done since 8.9 s"
-    assert caption_at_the_end(resumed.log) == "6 of 12 items done"
-    with RunLog(resumed.log) as log:
+    assert caption_at_the_end(resumed) == "6 of 12 items done"
+    with RunLog(resumed) as log:
         assert log.run.continues is not None and log.run.continues.items_done == 4
         request = FilmRequest(end=log.run.continues.time + 0.5, size=SMALL)
         assert film(log, tmp_path / "film.gif", request).seconds == pytest.approx(0.5)
@@ -161,11 +148,7 @@ def test_how_much_is_done_is_said_of_a_run_in_parts(tmp_path: Path) -> None:
     [
         ("film.avi", FilmRequest(), "{file}: a film is a file that ends in .mp4 or .gif"),
         ("film.mp4", FilmRequest(start=2.0, end=2.0), "from 2 s to 2 s there is nothing to film"),
-        (
-            "film.mp4",
-            FilmRequest(start=50.0),
-            "{log}: the run lasted 2.95 s; there is nothing from 50 s on",
-        ),
+        ("film.mp4", FilmRequest(start=50.0), "{log}: the run lasted 2.95 s; there is nothing from 50 s on"),
         ("film.mp4", FilmRequest(speed=0.0), "speed 0: it must be more than 0"),
         ("film.mp4", FilmRequest(size=(321, 200)), "size 321x200: the sides of an MP4 must be even"),
         ("file/film.mp4", FilmRequest(), "{file} cannot be written: file exists"),

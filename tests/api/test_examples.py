@@ -39,8 +39,7 @@ def test_there_are_ten_programs_and_a_notebook_without_output() -> None:
 
 
 @pytest.mark.parametrize(
-    "program",
-    [pytest.param(file, id=file.stem, marks=SLOW.get(file.stem, ())) for file in PROGRAMS],
+    "program", [pytest.param(file, id=file.stem, marks=SLOW.get(file.stem, ())) for file in PROGRAMS]
 )
 def test_program(program: Path, capsys: pytest.CaptureFixture[str], empty_folder: Path) -> None:
     if program.stem == "compare":  # as a process: its workers must not run the program once more

@@ -64,11 +64,6 @@ def test_parameters_reach_the_nodes(tmp_path: Path) -> None:
     assert node.ports["force"] == "12 N"
 
 
-def test_tree_needs_a_scene() -> None:
-    with pytest.raises(pt.PicktreeError, match=r"the mission names no scene; add 'scene:' or give --scene$"):
-        pt.run(pt.Observe())
-
-
 def test_check_has_errors_with_their_places_and_warnings() -> None:
     warned = pt.Mission(one_pick(), scene="sort_small").check()
     assert warned

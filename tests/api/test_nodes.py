@@ -88,10 +88,7 @@ WRONG = {
         lambda: pt.Sequence(pt.Observe),  # type: ignore[arg-type]
         "Sequence: <class 'picktree.skills.observe.Observe'> is not a node; write Observe(…)",
     ),
-    "no child": (
-        lambda: pt.Sequence(),
-        "Sequence: its children are missing: the steps, in this order",
-    ),
+    "no child": (lambda: pt.Sequence(), "Sequence: its children are missing: the steps, in this order"),
     "children twice": (
         lambda: pt.nodes.Inverter(pt.Observe(), do=pt.Observe()),  # type: ignore[call-arg]
         "Inverter has its children twice: in brackets and as 'do'",

@@ -120,6 +120,13 @@ def test_a_plan_file_says_all_of_it(tmp_path: Path) -> None:
     ]
 
 
+def test_every_example_of_a_plan_is_free_of_faults() -> None:
+    plans = [load_plan(plan) for plan in sorted(EXAMPLES.glob("plan_*.yaml"))]
+    assert ("grip force", 2, 40) in [
+        (plan.name, len(list(plan.variants())), len(plan.seeds)) for plan in plans
+    ]
+
+
 def test_a_plan_tries_robots_and_refuses_those_that_are_none(tmp_path: Path) -> None:
     file = tmp_path / "arms.yaml"
     text = f"picktree: 1\nkind: plan\nmissions: [{ONE_PICK}]\nrobots: [iiwa, xarm6]\nseeds: 0\n"

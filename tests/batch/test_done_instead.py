@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from pathlib import Path
 
-import pytest
-
 from picktree.analysis import Run
-from picktree.analysis.explain import explain_runs, runs_json_text, runs_text, to_text
+from picktree.analysis.explain import explain_runs, runs_text, to_text
 from picktree.apps.batch import Batch, BatchPlan, Executor, Store, summarise
 from picktree.session import RunRequest, Session
 
@@ -66,48 +63,38 @@ def write_mission(folder: Path, reject: str) -> None:
 def run_batch(folder: Path, reject: str, worker: Executor) -> Path:
     write_mission(folder, reject)
     plan = BatchPlan("reject", (folder / "mission.yaml",), (3, 7), backend="kinematic", keep="all")
-    batch = Batch.create(folder / "batch", plan)
-    with batch:
+    with Batch.create(folder / "batch", plan) as batch:
         assert batch.run(worker, Remembering())
     return folder / "batch"
 
 
-@pytest.mark.parametrize(("reject", "by"), [(INTO_QUARANTINE, "Place"), (AND_SET_ASIDE, "Place + SetAside")])
-def test_a_rejected_item_is_done_in_every_output(
-    reject: str, by: str, tmp_path: Path, worker: Executor
-) -> None:
-    folder = run_batch(tmp_path, reject, worker)
-    rejected = 0
+def test_a_rejected_item_is_done_in_every_output(tmp_path: Path, worker: Executor) -> None:
+    """`test_counts_agree.py` compares the counts of the outputs."""
+    by, rejected = "Place + SetAside", 0
+    folder = run_batch(tmp_path, AND_SET_ASIDE, worker)
     for log in sorted(folder.glob("**/log.mcap")):
         with Run(log) as run:
             result, found, text = run.result, run.explanation, to_text(run, run.explanation, str(log))
         assert result is not None
         assert (result.status, result.items.sorted) == ("success", result.items.total)
-        assert result.cures == found.recovery.cures
         assert (found.root_causes, "Root cause" in text) == ((), False)
+        count = len(found.failures)
         for failure in found.failures:
             assert (failure.cause, failure.fate, failure.root_cause) == ("weigh.heavy", "done_instead", None)
             (handling,) = failure.handled_by
             assert (handling.handler, handling.ran, handling.ended) == ("weigh.heavy", by, "SUCCESS")
             assert failure.seconds_lost == 0.0
-        rejected += len(found.failures)
-        assert [c.done_instead for c in result.cures] == [len(found.failures)] * bool(found.failures)
-        if found.failures:
-            line = f"recovery    weigh.heavy  {rejected} seen, {rejected} done instead ({by})"
-            assert line.replace(str(rejected), str(len(found.failures))) in result.to_text()
+            assert f"weigh.heavy  {count} seen, {count} done instead ({by})" in result.to_text()
             assert "did that instead of the branch, as the mission asks." in " ".join(text.split())
+        rejected += count
     assert rejected > 0
-
     runs = explain_runs(folder)
     assert (runs.causes, runs.items[0]) == ((), runs.items[1])
     assert f"weigh.heavy  {rejected} seen, {rejected} done instead ({by})" in runs_text(runs)
-    told = json.loads(runs_json_text(runs))
-    assert [cure["done_instead"] for cure in told["cures"]] == [rejected]
     with Store(folder / "results.sqlite") as store:
         summary = summarise(store)
         views = store.query("SELECT cause, seen, cured, done_instead, share FROM cures_by_cause").rows
-    (cause,), (cures,) = summary.together.causes, summary.together.cures
-    assert (cause.failures, cause.cured, cause.done_instead) == (rejected, 0, rejected)
+    (cures,) = summary.together.cures
     assert (cures.total.seen, cures.total.to_cure, cures.total.done_instead) == (rejected, 0, rejected)
     assert summary.together.roots == ()
     assert views == (("weigh.heavy", rejected, 0, rejected, None),)

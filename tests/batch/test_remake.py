@@ -96,15 +96,6 @@ def test_commands_of_a_run_take_a_job_whose_log_is_kept(
     assert f"it is a batch: name one of its jobs, as {batch}@seed=0" in capsys.readouterr().err
 
 
-def test_elsewhere_it_goes_into_a_folder_of_its_own(batch: Path, tmp_path: Path, worker: Executor) -> None:
-    found = rerun_job(f"{batch}@30 N,seed=3", tmp_path / "out", worker)
-    (run,) = (tmp_path / "out").iterdir()
-    assert (run / "log.mcap").is_file()
-    said = json.loads(found.to_json_text())
-    assert (said["identical"], said["seed"], said["log"]) == (True, 3, str(run))
-    assert row(batch, 2) == ("",)
-
-
 def test_another_run_than_the_recorded_one_is_not_taken_for_it(batch: Path, worker: Executor) -> None:
     with (
         closing(sqlite3.connect(batch / RESULTS_FILE)) as results,
@@ -138,12 +129,22 @@ def test_what_names_no_job_that_was_run_is_refused(dropped: Path, named: str, me
     assert str(refused.value) == f"{where}: {message.format(batch=dropped)}"
 
 
-def test_a_job_is_not_changed_when_it_is_run_again(dropped: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert answer(["resim", f"{dropped}@15 N,seed=3", "--seed", "5"]) == 2
-    assert capsys.readouterr().err == (
-        "a job of a batch is run again without changes: for changes, first get its log by "
-        f"resim {dropped}@15 N,seed=3, then give that log\n"
-    )
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (
+            ["{batch}@15 N,seed=3", "--seed", "5"],
+            "a job of a batch is run again without changes: for changes, first get its log by "
+            "resim {batch}@15 N,seed=3, then give that log\n",
+        ),
+        (["{batch}"], "{batch} is a batch: name one of its jobs, as {batch}@seed=7\n"),
+    ],
+)
+def test_a_job_is_named_and_not_changed(
+    dropped: Path, words: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert answer(["resim", *(word.format(batch=dropped) for word in words)]) == 2
+    assert capsys.readouterr().err == said.format(batch=dropped)
 
 
 def test_a_recipe_that_is_damaged_is_not_run(batch: Path, worker: Executor) -> None:
@@ -154,18 +155,19 @@ def test_a_recipe_that_is_damaged_is_not_run(batch: Path, worker: Executor) -> N
     assert str(refused.value) == (f"{batch}@15 N,seed=3: {recipe}: no recipe of a batch, or a damaged one")
 
 
-def test_a_folder_of_a_batch_alone_names_no_job(dropped: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert answer(["resim", str(dropped)]) == 2
-    assert capsys.readouterr().err == (f"{dropped} is a batch: name one of its jobs, as {dropped}@seed=7\n")
-
-
-def test_a_job_that_crashed_shows_how_it_crashes(tmp_path: Path, worker: Executor) -> None:
+def test_a_job_that_crashed_shows_how_it_crashes_in_a_folder_of_its_own(
+    tmp_path: Path, worker: Executor
+) -> None:
     mission = troubled(tmp_path, {1: "os._exit(7)"})
     plan = BatchPlan("trouble", (mission,), (1,), backend="kinematic", keep="none")
     with Batch.create(tmp_path / "batch", plan) as batch:
         assert batch.run(worker, Remembering())
-    found = rerun_job(f"{tmp_path}/batch@seed=1", executor=worker)
+    found = rerun_job(f"{tmp_path}/batch@seed=1", tmp_path / "out", worker)
     assert (found.identical, found.recorded_status, found.status) == (False, "crashed", "crashed")
-    assert found.log is not None and (found.log / "log.mcap").is_file()
+    (run,) = (tmp_path / "out").iterdir()
+    assert (found.log, (run / "log.mcap").is_file()) == (run, True)
+    said = json.loads(found.to_json_text())
+    assert (said["identical"], said["seed"], said["log"]) == (False, 1, str(run))
+    assert row(tmp_path / "batch", 0) == ("",)
     assert f"crashed     {found.message}" in found.to_text()
     assert "exit code 7" in found.message

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import pytest
+
 from picktree.analysis.explain import ExplainedOutcome, Explanation, RootCause
 from picktree.analysis.explain.explanation import KeyMoment
 from picktree.apps.batch.run_rows import look_at, root_of
@@ -13,6 +15,7 @@ SLIPPED = RootCause("item.slippery", "can_1 is slippery", (), ended_run=False, r
 MISTAKEN = RootCause(
     "perception.mistaken", "can_2 is green, not blue", (), ended_run=True, reasons=(), time=1.5
 )
+TIMELESS = replace(MISTAKEN, time=None)
 WHOLE = Explanation(
     outcome=ExplainedOutcome("incomplete", "1 of 2 items sorted", 9.0, 1, 2),
     failures=(),
@@ -23,24 +26,18 @@ WHOLE = Explanation(
 )
 
 
-def test_the_root_cause_that_cost_the_goal_is_looked_at() -> None:
-    root = root_of(WHOLE)
-    assert root == MISTAKEN
-    assert look_at(WHOLE, root) == "1.50 s: can_2 is green, not blue"
-
-
-def test_without_one_that_cost_the_goal_it_is_the_first() -> None:
-    reached = replace(WHOLE, root_causes=(SLIPPED,))
-    assert look_at(reached, root_of(reached)) == "3.00 s: can_1 is slippery"
-
-
-def test_a_root_cause_without_a_time_is_told_all_the_same() -> None:
-    timeless = replace(WHOLE, root_causes=(replace(MISTAKEN, time=None),))
-    assert look_at(timeless, root_of(timeless)) == "can_2 is green, not blue"
-
-
-def test_without_a_root_cause_it_is_the_first_moment_worth_a_look() -> None:
-    unknown = replace(WHOLE, root_causes=())
-    assert root_of(unknown) is None
-    assert look_at(unknown, None) == "3.00 s: can_1: the item slides out of the fingers"
-    assert look_at(replace(unknown, look_at=()), None) == ""
+@pytest.mark.parametrize(
+    ("explained", "root", "line"),
+    [
+        (WHOLE, MISTAKEN, "1.50 s: can_2 is green, not blue"),  # it cost the goal
+        (replace(WHOLE, root_causes=(SLIPPED,)), SLIPPED, "3.00 s: can_1 is slippery"),
+        (replace(WHOLE, root_causes=(TIMELESS,)), TIMELESS, "can_2 is green, not blue"),
+        (replace(WHOLE, root_causes=()), None, "3.00 s: can_1: the item slides out of the fingers"),
+        (replace(WHOLE, root_causes=(), look_at=()), None, ""),
+    ],
+)
+def test_the_root_cause_that_cost_the_goal_is_looked_at(
+    explained: Explanation, root: RootCause | None, line: str
+) -> None:
+    assert root_of(explained) == root
+    assert look_at(explained, root) == line

@@ -74,10 +74,7 @@ def results(tmp_path: Path) -> Iterator[Store]:
                 ("Grasp.force=B", "think", 2.0, 1.0, 0.25),
             ),
         ),
-        (
-            "SELECT * FROM first_try",
-            (("Grasp.force=A", 4, 2, 0.5, 5), ("Grasp.force=B", 1, 0, 0.0, 2)),
-        ),
+        ("SELECT * FROM first_try", (("Grasp.force=A", 4, 2, 0.5, 5), ("Grasp.force=B", 1, 0, 0.0, 2))),
         (
             "SELECT cause, failures, cured, jobs, seconds_lost FROM causes",
             (("grasp.slipped", 3, 3, 2, 13.5),),

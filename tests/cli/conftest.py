@@ -55,10 +55,7 @@ def stage(monkeypatch: pytest.MonkeyPatch) -> Stage:
 
     class Session:
         def __init__(
-            self,
-            request: dict[str, Any],
-            observers: Sequence[object] = (),
-            planning_worker: bool = False,
+            self, request: dict[str, Any], observers: Sequence[object] = (), planning_worker: bool = False
         ) -> None:
             stage.requests.append(request)
             stage.observers.append([type(each).__name__ for each in observers])

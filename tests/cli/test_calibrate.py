@@ -95,23 +95,11 @@ def test_a_file_that_exists_is_not_written_over_by_itself(
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (
-            ["--scene", "three_bins", "--camera", "wrist"],
-            "three_bins has no camera 'wrist'; known: overhead\n",
-        ),
-        (
-            ["--scene", "three_bins", "--target", "table"],
-            "three_bins has no target 'table'; known: calibration_target\n",
-        ),
-        (
-            ["--scene", "three_bins", "--at", "0.5"],
-            "--at 0.5: write X,Y or X,Y,YAW, as in --at 0.5,0,20deg\n",
-        ),
-        (["--scene", "three_bins", "-o", "found.txt"], "-o found.txt: a scene file ends in .yaml\n"),
-        (
-            ["--scene", "three_bins", "-o", "nowhere/found.yaml"],
-            "nowhere/found.yaml cannot be written: there is no such folder\n",
-        ),
+        (["--camera", "wrist"], "three_bins has no camera 'wrist'; known: overhead\n"),
+        (["--target", "table"], "three_bins has no target 'table'; known: calibration_target\n"),
+        (["--at", "0.5"], "--at 0.5: write X,Y or X,Y,YAW, as in --at 0.5,0,20deg\n"),
+        (["-o", "found.txt"], "-o found.txt: a scene file ends in .yaml\n"),
+        (["-o", "nowhere/a.yaml"], "nowhere/a.yaml cannot be written: there is no such folder\n"),
     ],
 )
 def test_what_cannot_be_done_is_said_before_anything_moves(
@@ -122,7 +110,7 @@ def test_what_cannot_be_done_is_said_before_anything_moves(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert answer(["calibrate", *words]) == 2
+    assert answer(["calibrate", "--scene", "three_bins", *words]) == 2
     assert capsys.readouterr().err == message
     assert list(tmp_path.iterdir()) == []
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import json
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -77,107 +76,49 @@ def session(*lines: str) -> str:
 
 
 def test_looking_around() -> None:
-    shown = session(
-        "continue", "where", "tree", "tree Fallback", "node", "node Take", "blackboard", "blackboard items",
-        "belief", "belief blue", "print item.colour", "p speed * 2", "quit",
-    )  # fmt: skip
-    assert (
-        shown
-        == """\
-0.00 s, before Main
-> continue
-0.05 s, after Main/Sequence/ForEach/Part/Fallback/try it: FAILURE, grasp.missed: try it was told to
-> where
-▶ Main is RUNNING
-▶ Main/Sequence is RUNNING
-▶ Main/Sequence/ForEach is RUNNING
-▶ Main/Sequence/ForEach/Part is RUNNING
-▶ Main/Sequence/ForEach/Part/Fallback is RUNNING
-✗ Main/Sequence/ForEach/Part/Fallback/try it is FAILURE: grasp.missed: try it was told to
-> tree
-  ▶ Main
-    ▶ Sequence
-      ✓ Find
-      ▶ ForEach
-        ▶ Part
-          ▶ Fallback
-→           ✗ Scripted try it  grasp.missed: try it was told to
-            · Take
-> tree Fallback
-  ▶ Fallback
-→   ✗ Scripted try it  grasp.missed: try it was told to
-    · Take
-> node
-Main/Sequence/ForEach/Part/Fallback/try it: Scripted, action, FAILURE
-  script = 'grasp.missed'
-  breakpoint 1: after
-  failed in Main/Sequence/ForEach/Part/Fallback/try it: grasp.missed: try it was told to
-    turn: 0
-> node Take
-Main/Sequence/ForEach/Part/Fallback/Take: Take, action, IDLE
-  object = {item} 'red_1'
-  force = 30.0 by default
-  colour = {item.colour} 'red'
-  hand = 'left' by default
-  _skipIf: item == 'none'
-> blackboard
-Main/item = 'red_1'
-Main/items = ['red_1', 'blue_1']
-Main/speed = 0.5
-> blackboard items
-Main/items = ['red_1', 'blue_1']
-> belief
-red_1: red cube, item, table, at (0.000, 0.000, 0.000) m, seen 0.1 s ago, confidence 0.90
-blue_1: blue cube, item, table, at (0.000, 0.000, 0.000) m, seen 0.1 s ago, confidence 0.90
-> belief blue
-blue_1: blue cube, item, table, at (0.000, 0.000, 0.000) m, seen 0.1 s ago, confidence 0.90
-> print item.colour
-'red'
-> p speed * 2
-the expression 'speed * 2': unknown name 'speed'; known: item, time
-> quit
-(interrupted)
-"""
+    """What docs/running.md does not show."""
+    shown = session("continue", "where", "tree", "node", "node Take", "p speed * 2", "quit")
+    told = dict(part.partition("\n")[::2] for part in shown.split("> ")[1:])
+    failed = f"{PART}/Fallback/try it"
+    assert told["continue"] == f"0.05 s, after {failed}: FAILURE, grasp.missed: try it was told to\n"
+    assert told["where"].splitlines()[0] == "▶ Main is RUNNING"
+    assert told["where"].splitlines()[-1] == f"✗ {failed} is FAILURE: grasp.missed: try it was told to"
+    assert told["tree"].splitlines()[-4:] == [
+        "        ▶ Part",
+        "          ▶ Fallback",
+        "→           ✗ Scripted try it  grasp.missed: try it was told to",
+        "            · Take",
+    ]
+    assert told["node"] == (
+        f"{failed}: Scripted, action, FAILURE\n  script = 'grasp.missed'\n  breakpoint 1: after\n"
+        f"  failed in {failed}: grasp.missed: try it was told to\n    turn: 0\n"
     )
+    assert told["node Take"].splitlines()[1:] == [
+        "  object = {item} 'red_1'",
+        "  force = 30.0 by default",
+        "  colour = {item.colour} 'red'",
+        "  hand = 'left' by default",
+        "  _skipIf: item == 'none'",
+    ]
+    assert told["p speed * 2"].endswith("unknown name 'speed'; known: item, time\n")
+    assert told["quit"] == "(interrupted)\n"
 
 
 def test_going_on() -> None:
-    shown = session(
-        "n", "", "", "step", "node Find", "s 2", "break Take", "b try it", "b", "delete 1", "c", "d", "c"
-    )  # fmt: skip
-    assert (
-        shown
-        == """\
-0.00 s, before Main
-> n
-0.00 s, before Main/Sequence
->
-0.00 s, before Main/Sequence/Find
->
-0.05 s, after Main/Sequence/Find: SUCCESS
-> step
-0.05 s, after Main/Sequence/ForEach/Part/Fallback/try it: FAILURE, grasp.missed: try it was told to
-> node Find
-Main/Sequence/Find: Find, action, SUCCESS
-  ids = ['red_1', 'blue_1']
-  found → {items} ['red_1', 'blue_1']
-> s 2
-0.15 s, end of the tick; Main/Sequence/ForEach is RUNNING
-> break Take
-2: before Main/Sequence/ForEach/Part/Fallback/Take
-> b try it
-3: before Main/Sequence/ForEach/Part/Fallback/try it
-> b
-1: after Main/Sequence/ForEach/Part/Fallback/try it
-2: before Main/Sequence/ForEach/Part/Fallback/Take
-3: before Main/Sequence/ForEach/Part/Fallback/try it
-> delete 1
-> c
-0.15 s, before Main/Sequence/ForEach/Part/Fallback/try it
-> d
-> c
-"""
-    )
+    shown = session("n", "", "", "node Find", "s 2", "break Take", "b", "delete 1", "c", "d", "c")
+    assert shown.split("\n> ")[1:] == [
+        "n\n0.00 s, before Main/Sequence\n>\n0.00 s, before Main/Sequence/Find\n>\n"
+        "0.05 s, after Main/Sequence/Find: SUCCESS",
+        "node Find\nMain/Sequence/Find: Find, action, SUCCESS\n  ids = ['red_1', 'blue_1']\n"
+        "  found → {items} ['red_1', 'blue_1']",
+        f"s 2\n0.05 s, after {PART}/Fallback/try it: FAILURE, grasp.missed: try it was told to",
+        f"break Take\n2: before {PART}/Fallback/Take",
+        f"b\n1: after {PART}/Fallback/try it\n2: before {PART}/Fallback/Take",
+        "delete 1",
+        f"c\n0.05 s, before {PART}/Fallback/Take",
+        "d",
+        "c\n",
+    ]
 
 
 def test_at_the_end_of_the_input_the_run_goes_on_without_another_stop() -> None:
@@ -276,14 +217,6 @@ trees:
       - GoTo: {pose: home, breakpoint: before}
       - Log: {message: there}
 """
-
-
-def test_debug_is_handed_to_the_session(
-    stage: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert answer(["run", "m.yaml"]) == 0
-    assert answer(["run", "m.yaml", "--debug"]) == 0
-    assert ["Debugger" in observers for observers in stage.observers] == [False, True]
 
 
 def test_a_script_debugs_and_stdout_is_the_answers(tmp_path: Path) -> None:

@@ -66,8 +66,8 @@ RETREATING = report(
 )
 
 
-def test_rows_show_what_runs_and_what_is_beside_it() -> None:
-    assert [row.plain for row in tree_rows(node_states(STRUCTURE, RETREATING.nodes), 20)] == [
+def test_rows_show_what_runs_and_what_is_beside_it_where_there_is_room() -> None:
+    whole = [
         "▶ Sequence Main",
         "  ✓ Observe",
         "  ▶ Recover careful",
@@ -75,15 +75,8 @@ def test_rows_show_what_runs_and_what_is_beside_it() -> None:
         "    ▶ SafeRetreat",
         "  · Fallback",
     ]
-
-
-def test_rows_that_run_are_kept_when_there_is_little_room() -> None:
-    assert [row.plain for row in tree_rows(node_states(STRUCTURE, RETREATING.nodes), 4)] == [
-        "▶ Sequence Main",
-        "  ▶ Recover careful",
-        "    ✗ Grasp  grasp.missed: the fingers hold nothing",
-        "    ▶ SafeRetreat",
-    ]
+    for room, rows in ((20, whole), (4, [whole[0], *whole[2:5]])):
+        assert [row.plain for row in tree_rows(node_states(STRUCTURE, RETREATING.nodes), room)] == rows
 
 
 def test_the_leaf_that_has_just_failed_is_kept_with_what_is_above_it() -> None:
@@ -102,7 +95,7 @@ def test_rows_of_a_tree_that_does_not_run() -> None:
     assert deepest_running(idle.nodes) == "nothing"
 
 
-def test_lines_tell_of_items_failed_leaves_and_long_silence(result: RunResult) -> None:
+def test_lines_tell_of_items_long_silence_and_once_of_failed_leaves(result: RunResult) -> None:
     file = io.StringIO()
     quiet = report("RUNNING", "SUCCESS", "RUNNING", "RUNNING", "IDLE", "IDLE", "IDLE")
     with LinesDisplay(file) as view:
@@ -110,6 +103,8 @@ def test_lines_tell_of_items_failed_leaves_and_long_silence(result: RunResult) -
         view.started(run, Path("runs/1"))
         view.ticked(0.05, quiet, 0, 4)
         view.ticked(3.0, RETREATING, 0, 4)
+        kept = report(*[n.status for n in RETREATING.nodes], cause="grasp.missed", ticked=False)
+        view.ticked(3.05, kept, 0, 4)
         happen(run, ItemDoneEvent("", object="red_ball_1", into="red_bin"))
         view.ticked(9.5, quiet, 1, 4)
         view.ticked(39.4, quiet, 1, 4)
@@ -149,16 +144,6 @@ recording to runs/1
     )
 
 
-def test_lines_tell_a_failure_once() -> None:
-    file = io.StringIO()
-    with LinesDisplay(file) as view:
-        view.started(executing(STRUCTURE), Path("runs/1"))
-        view.ticked(3.0, RETREATING, 0, 4)
-        kept = report(*[n.status for n in RETREATING.nodes], cause="grasp.missed", ticked=False)
-        view.ticked(3.05, kept, 0, 4)
-    assert file.getvalue().count("grasp.missed") == 1
-
-
 def test_lines_tell_of_edits_and_follow_the_edited_tree() -> None:
     file = io.StringIO()
     with LinesDisplay(file) as view:
@@ -178,20 +163,7 @@ m.yaml:3:1: error P207: [no markup]
     )
 
 
-def test_live_view_tells_above_the_tree(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("picktree.apps.cli.progress._REDRAW_PERIOD", -1.0)
-    file = io.StringIO()
-    console = Console(file=file, force_terminal=True, width=60, height=20, color_system=None)
-    with LiveDisplay(console) as view:
-        view.started(executing(STRUCTURE), Path("runs/1"))
-        view.notified(1.0, "the edit is good")
-        view.edited(executing(STRUCTURE[:2]))
-        view.ticked(2.0, report_of(STRUCTURE[:2], "RUNNING", "RUNNING"), 0, 4)
-    assert "    1.00 s  the edit is good\n" in file.getvalue()
-    assert "  ▶ Observe" in file.getvalue()
-
-
-def test_live_view_draws_the_tree_and_leaves_nothing_behind(
+def test_live_view_tells_above_the_tree_and_leaves_nothing_behind(
     result: RunResult, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("picktree.apps.cli.progress._REDRAW_PERIOD", -1.0)
@@ -200,10 +172,16 @@ def test_live_view_draws_the_tree_and_leaves_nothing_behind(
     with LiveDisplay(console) as view:
         run = executing(STRUCTURE)
         view.started(run, Path("runs/1"))
+        view.notified(1.0, "the edit is good")
         happen(run, ItemDoneEvent("", object="ball_1", into="red_bin"))
         view.ticked(12.0, RETREATING, 1, 4)
         drawn = file.getvalue()
+        view.edited(executing(STRUCTURE[:2]))
+        view.ticked(13.0, report_of(STRUCTURE[:2], "RUNNING", "RUNNING"), 0, 4)
+        edited = file.getvalue().removeprefix(drawn)
         view.finished(result)
-    assert "    ▶ SafeRetreat" in drawn
+    assert "    1.00 s  the edit is good\n" in drawn
+    assert "    ▶ SafeRetreat" in drawn and "  ▶ Observe" not in drawn
     assert "1 of 4 items done   simulated 12.0 s   wall " in drawn
+    assert "  ▶ Observe" in edited
     assert file.getvalue().endswith("\x1b[2K")

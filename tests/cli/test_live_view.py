@@ -47,8 +47,3 @@ def test_without_the_sdk_the_extra_is_named(
     assert answer(["run", "m.yaml", "--live"]) == 2
     assert capsys.readouterr().err == f"A live view needs the extra 'live': {install_command('live')}\n"
     assert stage.requests == []
-
-
-def test_a_pace_is_above_nothing(capsys: pytest.CaptureFixture[str]) -> None:
-    assert answer(["run", "m.yaml", "--pace", "0"]) == 2
-    assert capsys.readouterr().err == ("--pace 0: write a number above 0, as in --pace 1 for real time\n")

@@ -86,10 +86,7 @@ def test_the_same_for_another_arm(capfd: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (
-            ("--to", "homme"),
-            "--to homme: there is no such pose, bin or object; did you mean 'home'?",
-        ),
+        (("--to", "homme"), "--to homme: there is no such pose, bin or object; did you mean 'home'?"),
         (("--to", "1,2"), "--to 1,2: write x,y,z or x,y,z,roll,pitch,yaw, as in --to 500mm,0,200mm"),
         (("--to", "1,2,3 s"), "--to 3 s: "),
         (("--to", "home", "--from", "1,2"), "--from 1,2: 2 numbers; the arm has 7 joints"),

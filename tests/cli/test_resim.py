@@ -88,10 +88,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> Callable[[Resimulation], list[dict
 def test_identical(asked: Callable[..., Any], capfd: pytest.CaptureFixture[str]) -> None:
     orders = asked(SAME)
     assert answer(["resim", "last", "--until", "116"]) == 0
-    assert capfd.readouterr() == (
-        "identical: 116 ticks, 5.75 simulated s, digest 0123456789abcdef\n",
-        "",
-    )
+    assert capfd.readouterr() == ("identical: 116 ticks, 5.75 simulated s, digest 0123456789abcdef\n", "")
     assert orders == [{"log": "last", "changes": RunChanges(), "until": "116", "out": None}]
 
 
@@ -110,27 +107,27 @@ def test_a_difference_with_its_likely_reason(
     )
 
 
+@pytest.mark.parametrize(
+    ("missing", "words", "where"),
+    [("a", "there is such a message only now", "recorded"),
+     ("b", "there is such a message only recorded", "now")],
+)  # fmt: skip
 def test_a_missing_message_is_told_by_its_side(
-    asked: Callable[..., Any], capfd: pytest.CaptureFixture[str]
+    missing: Any, words: str, where: str, asked: Callable[..., Any], capfd: pytest.CaptureFixture[str]
 ) -> None:
-    asked(replace(OTHER, difference=MessageDifference(40, 2.0, "/plan", "b", False, "", "", None, None)))
+    asked(replace(OTHER, difference=MessageDifference(40, 2.0, "/plan", missing, False, "", "", None, None)))
+    assert answer(["resim", "last"]) == 1
+    assert f"/plan\n  {words}\n" in capfd.readouterr().out
     assert answer(["resim", "last", "--json"]) == 1
-    assert json.loads(capfd.readouterr().out)["difference"] == {
-        "tick": 40, "time": 2.0, "topic": "/plan", "missing": "now", "field": "", "of": "", "recorded": None,
-        "now": None,
-    }  # fmt: skip
+    assert json.loads(capfd.readouterr().out)["difference"]["missing"] == where
 
 
 def test_a_difference_without_any_reason(
     asked: Callable[..., Any], capfd: pytest.CaptureFixture[str]
 ) -> None:
-    missing = MessageDifference(40, 2.0, "/plan", "a", False, "", "", None, None)
-    asked(replace(OTHER, difference=missing, reasons=()))
+    asked(replace(OTHER, reasons=()))
     assert answer(["resim", "last"]) == 1
-    assert capfd.readouterr().out == (
-        "different from tick 40 on, 2.00 s: /plan\n"
-        "  there is such a message only now\n"
-        "the 40 ticks before are the same\n"
+    assert capfd.readouterr().out.endswith(
         "likely why  nothing in the log is otherwise: not picktree, its libraries, the arithmetic.\n"
         "            Possible causes: a clock, the order of a set or a global generator in a\n"
         "            plug-in, or a fault of picktree\n"
@@ -197,21 +194,13 @@ def test_json_is_one_object(asked: Callable[..., Any], capfd: pytest.CaptureFixt
     said = json.loads(capfd.readouterr().out)
     assert (said["identical"], said["ticks"]) == (False, 40)
     assert said["difference"] == {
-        "tick": 40,
-        "time": 2.0,
-        "topic": "/bt/tick",
-        "missing": "",
-        "field": "nodes[3].status",
-        "of": GRASP,
-        "recorded": "SUCCESS",
-        "now": "FAILURE",
-    }
+        "tick": 40, "time": 2.0, "topic": "/bt/tick", "missing": "", "field": "nodes[3].status", "of": GRASP,
+        "recorded": "SUCCESS", "now": "FAILURE",
+    }  # fmt: skip
     assert said["reasons"][1] == {"what": "mcap", "recorded": "1.3.0", "now": "1.6.0"}
 
 
-def test_bad_input(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    assert answer(["resim", str(tmp_path / "none.mcap")]) == 2
-    assert capfd.readouterr().err == f"{tmp_path}/none.mcap: there is no such log\n"
+def test_bad_input(capfd: pytest.CaptureFixture[str]) -> None:
     assert answer(["resim", "last", "--faults", "f.yaml", "--no-faults"]) == 2
     assert capfd.readouterr().err == "--faults and --no-faults exclude each other\n"
 

@@ -102,13 +102,7 @@ def tick(k: int) -> Tick:
         nodes=(
             NodeState("/Main", "Sequence", status, True, MISSED if failed else "", cause, evidence),
             NodeState(
-                "/Main/Grasp",
-                "Grasp",
-                status,
-                True,
-                MISSED if failed else "approaching",
-                cause,
-                evidence,
+                "/Main/Grasp", "Grasp", status, True, MISSED if failed else "approaching", cause, evidence
             ),
         ),
         writes=first if k == 0 else (),
@@ -194,10 +188,7 @@ def step(
         recorder.entry(
             now,
             OtherEvent(
-                "SafeRetreat after grasp.missed",
-                "/Main/Grasp",
-                name="recovery",
-                extra={"attempt": 1},
+                "SafeRetreat after grasp.missed", "/Main/Grasp", name="recovery", extra={"attempt": 1}
             ),
         )
         scene.remove("blue_block_3", "its place was seen empty")

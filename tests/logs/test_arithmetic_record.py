@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import pytest
+
 from picktree.logs.arithmetic_record import Arithmetic, arithmetic_difference
 from picktree.session import arithmetic
 
@@ -12,6 +14,16 @@ THEN = Arithmetic(
     kernels={"numpy": "X86_V3", "OpenBLAS in numpy": "Haswell, 1 thread"},
     probe={"numpy": "01", "OpenBLAS": "02"},
 )
+NEWER = replace(THEN, versions={**THEN.versions, "glibc": "2.41"})
+OTHER_NAMES = replace(THEN, kernels={**THEN.kernels, "OpenBLAS in numpy": "Sandybridge, 1 thread"})
+OTHER_KERNELS = replace(OTHER_NAMES, probe={**THEN.probe, "OpenBLAS": "03"})
+LATE = replace(
+    THEN,
+    kernels={**THEN.kernels, "numpy": "AVX512_ICL"},
+    probe={**THEN.probe, "numpy": "11"},
+    departures={"numpy": "imported before picktree"},
+)
+UNEXPLAINED = replace(THEN, probe={"numpy": "11", "OpenBLAS": "12"})
 
 
 def test_the_record_of_this_process_names_all_that_computes() -> None:
@@ -23,58 +35,37 @@ def test_the_record_of_this_process_names_all_that_computes() -> None:
     assert here.kernels["numpy"] == "X86_V3"
     assert here.kernels["OpenBLAS in numpy"] == "Haswell, 1 thread"
     assert here.kernels["OpenBLAS in scipy"] == "Haswell, 1 thread"
-    assert Arithmetic.from_words(here.words()) == here
+    for record in (here, LATE):
+        assert Arithmetic.from_words(record.words()) == record
 
 
-def test_the_same_arithmetic_has_no_departure() -> None:
-    assert arithmetic_difference(THEN, THEN) == ""
+@pytest.mark.parametrize(
+    ("then", "now", "why"),
+    [
+        (THEN, NEWER, "glibc 2.36, here 2.41"),
+        (THEN, OTHER_KERNELS, "OpenBLAS in numpy Haswell, 1 thread, here Sandybridge, 1 thread"),
+        # A known reason comes before the names of the kernels.
+        (LATE, THEN, "numpy imported before picktree; numpy AVX512_ICL, here X86_V3"),
+        (THEN, LATE, "numpy imported before picktree here; numpy X86_V3, here AVX512_ICL"),
+        (THEN, UNEXPLAINED, "other results of numpy and OpenBLAS here"),
+    ],
+)
+def test_another_arithmetic_is_named_on_both_sides(then: Arithmetic, now: Arithmetic, why: str) -> None:
+    said = f"recorded with other arithmetic ({why}): the runs may part"
+    assert arithmetic_difference(then, now) == said
+    assert arithmetic_difference(then, now, "in B") == said.replace("here", "in B")
 
 
-def test_another_version_is_named_on_both_sides() -> None:
-    now = replace(THEN, versions={**THEN.versions, "glibc": "2.41"})
-    said = "recorded with other arithmetic (glibc 2.36, here 2.41): the runs may part"
-    assert arithmetic_difference(THEN, now) == said
-    assert arithmetic_difference(THEN, now, "in B") == said.replace("here", "in B")
-
-
-def test_other_kernels_are_named_when_the_probe_shows_them() -> None:
-    kernels = {**THEN.kernels, "OpenBLAS in numpy": "Sandybridge, 1 thread"}
-    now = replace(THEN, kernels=kernels, probe={**THEN.probe, "OpenBLAS": "03"})
-    assert arithmetic_difference(THEN, now) == (
-        "recorded with other arithmetic (OpenBLAS in numpy Haswell, 1 thread, here Sandybridge, 1 thread): "
-        "the runs may part"
-    )
-    assert arithmetic_difference(THEN, replace(THEN, kernels=kernels)) == "", "names alone change no number"
-
-
-def test_a_known_reason_for_other_kernels_comes_first() -> None:
-    kernels = {**THEN.kernels, "numpy": "AVX512_ICL"}
-    late = replace(
-        THEN,
-        kernels=kernels,
-        probe={**THEN.probe, "numpy": "11"},
-        departures={"numpy": "imported before picktree"},
-    )
-    assert arithmetic_difference(late, THEN) == (
-        "recorded with other arithmetic (numpy imported before picktree; numpy AVX512_ICL, here X86_V3): the "
-        "runs may part"
-    )
-    assert arithmetic_difference(THEN, late) == (
-        "recorded with other arithmetic (numpy imported before picktree here; numpy X86_V3, here "
-        "AVX512_ICL): the runs may part"
-    )
-    assert arithmetic_difference(late, late) == ""
-    assert Arithmetic.from_words(late.words()) == late
-
-
-def test_a_probe_that_differs_for_no_known_reason_is_said() -> None:
-    now = replace(THEN, probe={"numpy": "11", "OpenBLAS": "12"})
-    assert arithmetic_difference(THEN, now) == (
-        "recorded with other arithmetic (other results of numpy and OpenBLAS here): the runs may part"
-    )
-
-
-def test_an_older_log_has_no_record() -> None:
-    assert (
-        arithmetic_difference(Arithmetic(), THEN) == "arithmetic not recorded: the log is of an older version"
-    )
+@pytest.mark.parametrize(
+    ("then", "now", "said"),
+    [
+        (THEN, THEN, ""),
+        (LATE, LATE, ""),
+        (THEN, OTHER_NAMES, ""),  # names alone change no number
+        (Arithmetic(), THEN, "arithmetic not recorded: the log is of an older version"),
+    ],
+)
+def test_the_same_numbers_have_no_difference_and_old_logs_no_record(
+    then: Arithmetic, now: Arithmetic, said: str
+) -> None:
+    assert arithmetic_difference(then, now) == said

@@ -11,32 +11,28 @@ import pytest
 from picktree.logs import install_command, optional_libraries
 
 ROOT = Path(__file__).parents[2]
+PYTHON = ROOT / ".venv" / "bin" / "python"
 PIP = "-m pip install"
 
 
-@pytest.fixture
-def python(monkeypatch: pytest.MonkeyPatch) -> Path:
-    python = ROOT / ".venv" / "bin" / "python"
-    monkeypatch.setattr(sys, "executable", str(python))
-    return python
-
-
-def test_in_the_checkout(python: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(ROOT)
-    assert install_command("ray") == f".venv/bin/python {PIP} -c constraints.txt 'picktree[ray]'"
-
-
-def test_from_elsewhere(python: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert install_command("ray") == f"{python} {PIP} -c {ROOT / 'constraints.txt'} 'picktree[ray]'"
-
-
-def test_of_an_installed_package(python: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(
-        optional_libraries, "__file__", str(tmp_path / "picktree" / "logs" / "optional_libraries.py")
-    )
-    assert install_command("ray") == f"{python} {PIP} 'picktree[ray]'"
+@pytest.mark.parametrize(
+    ("here", "installed", "command"),
+    [
+        (ROOT, False, f".venv/bin/python {PIP} -c constraints.txt 'picktree[ray]'"),
+        ("/usr", False, f"{PYTHON} {PIP} -c {ROOT / 'constraints.txt'} 'picktree[ray]'"),
+        ("/usr", True, f"{PYTHON} {PIP} 'picktree[ray]'"),
+    ],
+    ids=["in the checkout", "elsewhere", "an installed package"],
+)
+def test_command_that_can_be_typed(
+    here: Path | str, installed: bool, command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "executable", str(PYTHON))
+    monkeypatch.chdir(here)
+    if installed:
+        module = tmp_path / "picktree" / "logs" / "optional_libraries.py"
+        monkeypatch.setattr(optional_libraries, "__file__", str(module))
+    assert install_command("ray") == command
 
 
 def test_it_takes_the_picktree_that_is_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

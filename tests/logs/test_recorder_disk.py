@@ -1,13 +1,12 @@
 """Disks that refuse, and messages that must not wait."""
 
 import errno
-import multiprocessing
 import os
 import resource
-import signal
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
 
@@ -16,49 +15,11 @@ from mcap.reader import make_reader
 
 from picktree.files import PicktreeError
 from picktree.logs import RunLog
-from picktree.logs.mcap import McapFile, writer
-from picktree.logs.mcap.writer import RawFile
+from picktree.logs.mcap import McapFile
 from picktree.logs.recording import Recorder
 from picktree.world import PlanningScene
 
 ADVICE = "make room there, or give another folder with --out"
-
-
-class Full:
-    """A file on a disk with room for so many bytes."""
-
-    def __init__(self, file: RawFile, room: int) -> None:
-        self._file, self._room, self._at = file, room, 0
-
-    def seek(self, offset: int, /) -> int:
-        self._at = offset
-        return self._file.seek(offset)
-
-    def write(self, data: memoryview, /) -> int | None:
-        if self._at >= self._room:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        written = self._file.write(data[: self._room - self._at])
-        self._at += written or 0
-        return written
-
-    def truncate(self, size: int, /) -> int:
-        return self._file.truncate(size)
-
-    def fileno(self) -> int:
-        return self._file.fileno()
-
-    def close(self) -> None:
-        self._file.close()
-
-
-@pytest.fixture
-def small_disk(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
-    real = writer.open_raw
-
-    def with_room(room: int) -> None:
-        monkeypatch.setattr(writer, "open_raw", lambda path: Full(real(path), room))  # pyright: ignore
-
-    return with_room
 
 
 def test_a_folder_that_cannot_be_written_is_one_clear_error(sample: ModuleType, tmp_path: Path) -> None:
@@ -82,99 +43,48 @@ def test_a_disk_that_is_nearly_full_is_one_clear_error_before_anything_is_writte
     assert list(path.parent.iterdir()) == []
 
 
+@contextmanager
+def room_for(size: int) -> Generator[None]:
+    """No file may get larger than that."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
 def test_a_disk_that_is_full_at_the_very_start_leaves_nothing_behind(
-    sample: ModuleType, tmp_path: Path, small_disk: Callable[[int], None]
+    sample: ModuleType, tmp_path: Path
 ) -> None:
-    small_disk(100)
     path = tmp_path / "log.mcap"
-    with pytest.raises(PicktreeError) as raised:
+    with room_for(100), pytest.raises(PicktreeError) as raised:
         Recorder(path, sample.RUN)
-    assert str(raised.value) == f"{path}: the log cannot be written: No space left on device; {ADVICE}"
+    assert str(raised.value) == f"{path}: the log cannot be written: File too large; {ADVICE}"
     assert list(tmp_path.iterdir()) == []
 
 
-def record_until_refused(sample: ModuleType, path: Path) -> tuple[str, int]:
-    """The error, and how many ticks were handed over."""
-    scene = PlanningScene([sample.TABLE], [sample.BIN])
-    k = -1
-    with pytest.raises(PicktreeError) as raised, Recorder(path, sample.RUN) as recorder:
-        sample.start(recorder)
-        for k in range(10_000):
-            sample.step(recorder, scene, k)
-    return str(raised.value), k
-
-
-def assert_whole_but_for_the_last_second(path: Path, ticks: int) -> None:
-    with path.open("rb") as stream:
-        reader = make_reader(stream, validate_crcs=True)
-        assert sum(1 for _ in reader.iter_messages()) > 0
-    with RunLog(path) as log:
-        assert log.recovered == ""
-        assert log.result == {}
-        assert len(list(log.ticks())) >= ticks - 21
-
-
-def test_a_disk_that_gets_full_is_one_clear_error_and_the_file_still_opens(
-    sample: ModuleType, tmp_path: Path, small_disk: Callable[[int], None]
+def test_a_disk_that_gets_full_is_one_clear_error_and_costs_the_last_second(
+    sample: ModuleType, tmp_path: Path
 ) -> None:
-    small_disk(80_000)
     path = tmp_path / "log.mcap"
-    error, ticks = record_until_refused(sample, path)
-    assert error == (
-        f"{path}: the log cannot be written any further: No space left on device; it keeps what it held "
-        f"until then; {ADVICE}"
+    scene = PlanningScene([sample.TABLE], [sample.BIN])
+    ticks = -1
+    with room_for(100_000), pytest.raises(PicktreeError) as raised, Recorder(path, sample.RUN) as recorder:
+        sample.start(recorder)
+        for ticks in range(10_000):
+            sample.step(recorder, scene, ticks)
+    assert str(raised.value) == (
+        f"{path}: the log cannot be written any further: File too large; it keeps what it held until then; "
+        f"{ADVICE}"
     )
     assert ticks > 60
-    assert_whole_but_for_the_last_second(path, ticks)
-
-
-class Deadly(Full):
-    """A file whose process is killed inside the write that gets past so many bytes."""
-
-    def write(self, data: memoryview, /) -> int | None:
-        if self._at >= self._room:
-            os.kill(os.getpid(), signal.SIGKILL)
-        return super().write(data)
-
-
-@pytest.mark.parametrize("room", [50_000, 80_000, 110_000])
-def test_a_kill_inside_a_write_costs_the_last_second(
-    sample: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, room: int
-) -> None:
-    path = tmp_path / "log.mcap"
-    real = writer.open_raw
-    monkeypatch.setattr(writer, "open_raw", lambda path: Deadly(real(path), room))  # pyright: ignore
-    fork = multiprocessing.get_context("fork")
-    given = fork.Value("i", 0)
-
-    def record() -> None:
-        scene = PlanningScene([sample.TABLE], [sample.BIN])
-        with Recorder(path, sample.RUN) as recorder:
-            sample.start(recorder)
-            for given.value in range(10_000):
-                sample.step(recorder, scene, given.value)
-
-    process = fork.Process(target=record)
-    process.start()
-    process.join()
-    assert process.exitcode == -signal.SIGKILL
-    with RunLog(path) as log:
-        assert log.recovered.startswith(f"{path}: ")
-        assert log.result == {}
-        assert len(list(log.ticks())) >= given.value - 21
-
-
-def test_the_limit_of_a_real_file_is_met_in_the_same_way(sample: ModuleType, tmp_path: Path) -> None:
-    path = tmp_path / "log.mcap"
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, before[1]))
-    try:
-        error, ticks = record_until_refused(sample, path)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-    assert error.startswith(f"{path}: the log cannot be written any further: File too large; ")
     assert path.stat().st_size <= 100_000
-    assert_whole_but_for_the_last_second(path, ticks)
+    with path.open("rb") as stream:
+        assert sum(1 for _ in make_reader(stream, validate_crcs=True).iter_messages()) > 0
+    with RunLog(path) as log:
+        assert (log.recovered, log.result) == ("", {})
+        assert len(list(log.ticks())) >= ticks - 21
 
 
 def test_a_disk_that_refuses_between_two_messages_is_told_at_the_next(

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 
@@ -42,10 +43,16 @@ def told(log: RunLog) -> dict[str, list[tuple[float, bytes]]]:
     return found
 
 
+@cache
+def told_of(path: Path) -> dict[str, list[tuple[float, bytes]]]:
+    with RunLog(path) as log:
+        return told(log)
+
+
 def assert_reads_as(path: Path, original: Path) -> None:
     with RunLog(original) as one, RunLog(path) as other:
         assert other.recovered == ""
-        assert told(other) == told(one)
+        assert told(other) == told_of(original)
         assert (other.run, other.result, other.metadata) == (one.run, one.result, one.metadata)
         assert other.attachment("mission.yaml") == one.attachment("mission.yaml")
         assert [at.time for at in other.images("overhead")] == [at.time for at in one.images("overhead")]
@@ -54,41 +61,43 @@ def assert_reads_as(path: Path, original: Path) -> None:
         }.items()
 
 
-@pytest.mark.parametrize("mode", [*WRITING, *ORDER])
-def test_a_rewritten_log_reads_as_the_original(log_path: Path, tmp_path: Path, mode: str) -> None:
-    rewritten = {**WRITING, **ORDER}[mode](Content.of(log_path)).write(tmp_path / "log.mcap")
-    assert_reads_as(rewritten, log_path)
+@pytest.fixture(scope="module")
+def content(log_path: Path) -> Content:
+    return Content.of(log_path)
 
 
-@pytest.mark.parametrize("form", ["plain", "unchunked", "no index", "tiny chunks", "lz4", "our name"])
-@pytest.mark.parametrize("order", ["shuffled", "twice", "epoch", "overlapping"])
-def test_form_and_order_do_not_depend_on_each_other(
-    log_path: Path, tmp_path: Path, form: str, order: str
+PAIRS = [*((form, None) for form in WRITING), *zip([*WRITING, *WRITING], ORDER, strict=False)]
+"""Each form of a file, and each order with one of the forms: they do not depend on each other."""
+
+
+@pytest.mark.parametrize(("form", "order"), PAIRS)
+def test_a_rewritten_log_reads_as_the_original(
+    log_path: Path, content: Content, tmp_path: Path, form: str, order: str | None
 ) -> None:
-    rewritten = WRITING[form](ORDER[order](Content.of(log_path))).write(tmp_path / "log.mcap")
-    assert_reads_as(rewritten, log_path)
+    ordered = ORDER[order](content) if order else content
+    assert_reads_as(WRITING[form](ordered).write(tmp_path / "log.mcap"), log_path)
 
 
 @pytest.mark.parametrize("opcode", [0x80, 0xFF])
 @pytest.mark.parametrize("form", ["lz4", "plain"])
 def test_records_of_other_programs_are_passed_over(
-    log_path: Path, tmp_path: Path, form: str, opcode: int
+    log_path: Path, content: Content, tmp_path: Path, form: str, opcode: int
 ) -> None:
-    rewritten = WRITING[form](Content.of(log_path).with_options(chunk_size=4000)).write(tmp_path / "a.mcap")
+    rewritten = WRITING[form](content.with_options(chunk_size=4000)).write(tmp_path / "a.mcap")
     assert_reads_as(with_record(rewritten, opcode, b"anything", tmp_path / "log.mcap"), log_path)
 
 
-def test_an_attachment_may_have_no_check_sum(log_path: Path, tmp_path: Path) -> None:
-    rewritten = WRITING["no sums"](Content.of(log_path)).write(tmp_path / "log.mcap")
+def test_an_attachment_may_have_no_check_sum(log_path: Path, content: Content, tmp_path: Path) -> None:
+    rewritten = WRITING["no sums"](content).write(tmp_path / "log.mcap")
     assert_reads_as(without_attachment_sums(rewritten), log_path)
 
 
 @pytest.mark.parametrize("is_sorted", [False, True])
 def test_late_messages_take_the_times_of_their_stamps(
-    log_path: Path, tmp_path: Path, *, is_sorted: bool
+    log_path: Path, content: Content, tmp_path: Path, *, is_sorted: bool
 ) -> None:
     """40 ms are nearly a tick: neighbouring ticks change places. The sample is not in the order of a run."""
-    content = jittered(Content.of(log_path), 40_000_000)
+    content = jittered(content, 40_000_000)
     in_order = sorted(content.messages, key=lambda sent: sent.time) if is_sorted else content.messages
     rewritten = content.ordered(in_order).write(tmp_path / "log.mcap")
     with RunLog(log_path) as one, RunLog(rewritten) as other:
@@ -104,9 +113,8 @@ def test_late_messages_take_the_times_of_their_stamps(
         ]
 
 
-def test_two_equal_messages_of_the_recorder_are_two(log_path: Path, tmp_path: Path) -> None:
+def test_two_equal_messages_of_the_recorder_are_two(log_path: Path, content: Content, tmp_path: Path) -> None:
     """They have numbers of their own."""
-    content = Content.of(log_path)
     last = content.messages[-1]
     doubled = content.ordered([*content.messages, replace(last, sequence=last.sequence + 1)])
     one = doubled.write(tmp_path / "one.mcap")
@@ -116,8 +124,9 @@ def test_two_equal_messages_of_the_recorder_are_two(log_path: Path, tmp_path: Pa
         assert told(log_two) == told(log_one)
 
 
-def test_without_stamps_times_are_counted_from_the_first_tick(log_path: Path, tmp_path: Path) -> None:
-    content = Content.of(log_path)
+def test_without_stamps_times_are_counted_from_the_first_tick(
+    log_path: Path, content: Content, tmp_path: Path
+) -> None:
     later = content.ordered(
         replace(sent, time=sent.time + EPOCH) for sent in content.messages if sent.encoding == "json"
     )
@@ -138,18 +147,17 @@ def clipped(content: Content, start: float, end: float) -> Content:
     ],
 )
 def test_a_clipped_log_says_what_is_missing(
-    log_path: Path, tmp_path: Path, start: float, end: float, said: str
+    log_path: Path, content: Content, tmp_path: Path, start: float, end: float, said: str
 ) -> None:
     """The result of the sample does not state the end of the run."""
-    rewritten = clipped(Content.of(log_path), start, end).write(tmp_path / "log.mcap")
+    rewritten = clipped(content, start, end).write(tmp_path / "log.mcap")
     with RunLog(log_path) as one, RunLog(rewritten) as other:
         assert other.recovered == (f"{rewritten}: {said}" if said else "")
         assert list(other.ticks()) == list(one.ticks(start, end))
         assert other.tree() == one.tree()  # the metadata have it, too
 
 
-def test_a_hole_is_a_gap(log_path: Path, tmp_path: Path) -> None:
-    content = Content.of(log_path)
+def test_a_hole_is_a_gap(content: Content, tmp_path: Path) -> None:
     holed = content.ordered(sent for sent in content.messages if not SECOND < sent.time < 2 * SECOND)
     with RunLog(holed.write(tmp_path / "log.mcap")) as log:
         assert log.recovered == f"{log.path}: 1.00 s to 2.00 s are missing"
@@ -159,10 +167,9 @@ def test_a_hole_is_a_gap(log_path: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("status", "said"), [("RUNNING", True), ("SUCCESS", False)])
 def test_behind_the_last_tick_of_a_run_nothing_is_missing(
-    log_path: Path, tmp_path: Path, status: str, said: bool
+    content: Content, tmp_path: Path, status: str, said: bool
 ) -> None:
     """The arm comes to rest a few ticks after the tree has ended."""
-    content = Content.of(log_path)
     result = next(each for each in content.metadata if each.name == "picktree.result")
     last = content.messages[-1].time / SECOND
     stated = Metadata(result.name, {**result.metadata, "json": f'{{"sim_seconds": {last + 0.15}}}'})
@@ -180,9 +187,9 @@ def with_root_status(sent: Sent, status: str) -> bytes:
 
 
 def test_without_metadata_the_run_is_read_and_its_settings_are_unknown(
-    log_path: Path, tmp_path: Path
+    log_path: Path, content: Content, tmp_path: Path
 ) -> None:
-    content = replace(Content.of(log_path), metadata=[])
+    content = replace(content, metadata=[])
     with RunLog(log_path) as one, RunLog(content.write(tmp_path / "log.mcap")) as other:
         assert list(other.ticks()) == list(one.ticks())
         assert (other.run.seed, other.run.seed_text, other.run.tick) == (None, "seed unknown", 0.05)
@@ -193,8 +200,7 @@ def test_without_metadata_the_run_is_read_and_its_settings_are_unknown(
         )
 
 
-def test_a_log_of_two_runs_is_named_as_that(sample: ModuleType, log_path: Path, tmp_path: Path) -> None:
-    content = Content.of(log_path)
+def test_a_log_of_two_runs_is_named_as_that(content: Content, tmp_path: Path) -> None:
     record = next(each for each in content.metadata if each.name == "picktree")
     other = replace(record, metadata={**record.metadata, "seed": "8"})
     merged = replace(content, metadata=[*content.metadata, other]).write(tmp_path / "log.mcap")
@@ -206,9 +212,8 @@ def test_a_log_of_two_runs_is_named_as_that(sample: ModuleType, log_path: Path, 
     )
 
 
-def test_metadata_of_another_program_may_change(log_path: Path, tmp_path: Path) -> None:
+def test_metadata_of_another_program_may_change(content: Content, tmp_path: Path) -> None:
     """A bag of ROS 2 states its length at its start and at its end."""
-    content = Content.of(log_path)
     first, last = (Metadata("rosbag2", {"duration": text}) for text in ("0", "2.95"))
     with RunLog(
         replace(content, metadata=[first, *content.metadata, last]).write(tmp_path / "a.mcap")
@@ -259,18 +264,20 @@ def renamed(content: Content) -> Content:
     ],
 )
 def test_another_file_is_named_as_what_it_is(
-    log_path: Path, tmp_path: Path, change: Callable[[Content], Content], said: str
+    content: Content, tmp_path: Path, change: Callable[[Content], Content], said: str
 ) -> None:
-    path = change(Content.of(log_path)).write(tmp_path / "other.mcap")
+    path = change(content).write(tmp_path / "other.mcap")
     with pytest.raises(PicktreeError) as raised:
         RunLog(path)
     assert str(raised.value) == f"{path}: {said}"
 
 
-def test_a_log_that_another_recorder_left_unfinished_is_salvaged(log_path: Path, tmp_path: Path) -> None:
+def test_a_log_that_another_recorder_left_unfinished_is_salvaged(
+    log_path: Path, content: Content, tmp_path: Path
+) -> None:
     for form in ("lz4", "plain", "unchunked"):
-        content = WRITING[form](Content.of(log_path)).with_options(chunk_size=10_000)
-        data = content.write(tmp_path / "whole.mcap").read_bytes()
+        written = WRITING[form](content).with_options(chunk_size=10_000)
+        data = written.write(tmp_path / "whole.mcap").read_bytes()
         cut = tmp_path / f"{form}.mcap"
         cut.write_bytes(data[: len(data) // 2])
         with RunLog(log_path) as one, RunLog(cut) as log:
@@ -324,8 +331,9 @@ def test_a_damaged_second_leaves_out_that_second(log_path: Path, tmp_path: Path)
         assert found.alignment.parting is None
 
 
-def test_dropped_topics_are_left_out_of_a_comparison_and_named(log_path: Path, tmp_path: Path) -> None:
-    content = Content.of(log_path)
+def test_dropped_topics_are_left_out_of_a_comparison_and_named(
+    log_path: Path, content: Content, tmp_path: Path
+) -> None:
     dropped = content.ordered(sent for sent in content.messages if not sent.topic.startswith("/camera"))
     with Run(log_path) as one, Run(dropped.write(tmp_path / "log.mcap")) as other:
         found = diff(one, other)
@@ -337,9 +345,9 @@ def test_dropped_topics_are_left_out_of_a_comparison_and_named(log_path: Path, t
 
 
 def test_a_message_that_differs_is_found_whatever_digest_the_log_states(
-    log_path: Path, tmp_path: Path
+    log_path: Path, content: Content, tmp_path: Path
 ) -> None:
-    content = ORDER["shuffled"](Content.of(log_path))
+    content = ORDER["shuffled"](content)
     changed = content.each(
         lambda sent: (
             replace(sent, data=sent.data.replace(b'"controller":"Track"', b'"controller":"Other"'))

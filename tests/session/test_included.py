@@ -9,10 +9,12 @@ from picktree.session import RunRequest, Session
 from picktree.trees import RecordedFiles
 from picktree.trees.loading import parse_mission
 
+from .test_session import ONE_ITEM
+
 MISSION = """
 picktree: 1
 kind: mission
-scene: sort_small
+scene: one.yaml
 include: [parts/look.yaml, library/sorting]
 trees:
   Main:
@@ -35,9 +37,10 @@ def test_a_log_serves_the_files_that_its_mission_includes(tmp_path: Path) -> Non
     (tmp_path / "parts").mkdir()
     (tmp_path / "parts" / "look.yaml").write_text(LOOK)
     (tmp_path / "sort.yaml").write_text(MISSION)
+    (tmp_path / "one.yaml").write_text(ONE_ITEM)
     session = Session(RunRequest(tmp_path / "sort.yaml", out=tmp_path / "runs", backend="kinematic"))
     result = session.run()
-    assert (result.status, result.items.sorted, result.items.left) == ("success", 4, 0)
+    assert (result.status, result.items.sorted, result.items.left) == ("success", 1, 0)
 
     with RunLog(result.log) as log:
         prefix = "include/"

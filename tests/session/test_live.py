@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import base64
-import importlib.util
 import json
 import socket
-import sys
 import threading
 import time
 from pathlib import Path
@@ -22,17 +20,9 @@ from picktree.logs.recording import Recorder
 from picktree.session import LiveServer, RunRequest, Session, WallClockPacer
 from picktree.world import PlanningScene
 
+from .websocket import Client, Received
+
 EXAMPLES = Path(__file__).parents[2] / "examples"
-
-
-@pytest.fixture(scope="module")
-def websocket() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("logs_websocket", Path(__file__).parent / "websocket.py")
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
 
 
 def port_of(view: LiveServer) -> int:
@@ -44,10 +34,8 @@ def run(out: Path, view: LiveServer | None = None) -> RunResult:
     return Session(request, observers=[view] if view else []).run()
 
 
-def test_a_client_gets_the_logs_own_messages_and_the_digest_is_the_same(
-    websocket: ModuleType, tmp_path: Path
-) -> None:
-    with LiveServer(0, "one pick") as view, websocket.Client(port_of(view)) as client:
+def test_a_client_gets_the_logs_own_messages_and_the_digest_is_the_same(tmp_path: Path) -> None:
+    with LiveServer(0, "one pick") as view, Client(port_of(view)) as client:
         fixed = [topic.name for topic in topics.FIXED]
         client.wait_for(fixed)
         client.subscribe(fixed)
@@ -63,7 +51,7 @@ def test_a_client_gets_the_logs_own_messages_and_the_digest_is_the_same(
     assert client.info["name"] == "one pick" and "time" in client.info["capabilities"]
     assert client.clock == round(result.sim_seconds * 1e9)
     with RunLog(result.log) as log:
-        recorded = [websocket.Received(m.topic, m.time, m.data) for m in log.messages(fixed)]
+        recorded = [Received(m.topic, m.time, m.data) for m in log.messages(fixed)]
         assert {
             topic: (c["schemaName"], c["encoding"], c["schemaEncoding"])
             for topic, c in client.channels.items()
@@ -75,16 +63,14 @@ def test_a_client_gets_the_logs_own_messages_and_the_digest_is_the_same(
     assert run(tmp_path / "silent").digest == result.digest
 
 
-def test_the_schemas_are_those_of_the_log(websocket: ModuleType) -> None:
-    with LiveServer(0) as view, websocket.Client(port_of(view)) as client:
+def test_the_schemas_are_those_of_the_log() -> None:
+    with LiveServer(0) as view, Client(port_of(view)) as client:
         client.wait_for([topics.TICK.name, topics.TF.name])
     assert json.loads(client.channels["/bt/tick"]["schema"]) == json.loads(topics.TICK.schema_data())
     assert base64.b64decode(client.channels["/tf"]["schema"] + "==") == topics.TF.schema_data()
 
 
-def test_who_comes_late_is_sent_what_still_holds(
-    websocket: ModuleType, sample: ModuleType, tmp_path: Path
-) -> None:
+def test_who_comes_late_is_sent_what_still_holds(sample: ModuleType, tmp_path: Path) -> None:
     cameras = [f"/camera/overhead/{what}" for what in ("calibration", "colour", "depth")]
     states = ["/bt/tree", "/bt/nodes", "/scene/robot", "/scene/objects", "/truth/objects", "/tf", *cameras]
     passing = ["/events", "/log", "/plan", "/candidates", "/timing", "/wrench"]
@@ -96,7 +82,7 @@ def test_who_comes_late_is_sent_what_still_holds(
         sample.start(recorder)
         for k in range(45):
             sample.step(recorder, scene, k)
-        with websocket.Client(port_of(view)) as client:  # while the run stands still
+        with Client(port_of(view)) as client:  # while the run stands still
             client.wait_for([*states, "/bt/tick", *passing])
             client.subscribe([*states, *passing])
             received = client.messages(len(states))
@@ -121,8 +107,8 @@ def test_who_comes_late_is_sent_what_still_holds(
         assert told is not None and last_states == told.record.nodes
 
 
-def test_a_client_that_does_not_listen_holds_up_nothing(websocket: ModuleType, tmp_path: Path) -> None:
-    with LiveServer(0) as view, websocket.Client(port_of(view)) as client:
+def test_a_client_that_does_not_listen_holds_up_nothing() -> None:
+    with LiveServer(0) as view, Client(port_of(view), most=1) as client:
         client.wait_for([topic.name for topic in topics.FIXED])
         client.subscribe([topic.name for topic in topics.FIXED])
         payload = bytes(200_000)

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis import Run, resimulate, what_if
+from picktree.analysis import Run, RunChanges, what_if
 from picktree.analysis.explain.explanation_text import notes_on
+from picktree.analysis.resim import ResimOrder, run_order
 from picktree.apps.cli.debug_prompt import DebugPrompt
 from picktree.logs import RunResult
 from picktree.session import Debugger, RecordedRun, ResumeRequest, Resumption, RunRequest, Session
@@ -93,7 +94,7 @@ def test_changes_are_noted_with_the_values_before(changed: tuple[RunResult, str]
 
 
 def test_a_resimulation_repeats_changes_at_their_places(changed: tuple[RunResult, str]) -> None:
-    answer = resimulate(changed[0].log)
+    answer = run_order(ResimOrder(changed[0].log, RunChanges(), None, None), lambda _: None)
     assert (answer.difference, answer.digest) == (None, changed[0].digest)
 
 

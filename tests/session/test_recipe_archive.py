@@ -138,7 +138,7 @@ SAMPLES: Mapping[Form, Mapping[str, Mapping[str, str]]] = {
         "a set": {"scene.yaml": f"{SCENE}assortment: {{meshes: random_urdfs}}\n"},
     },
     ("scene", "catalogue.*.mesh"): {
-        "a bare text": catalogue(item("parts/small.obj")) | {"parts/small.obj": METRES},
+        "a bare text": catalogue(item("parts/small.obj")) | {"parts/small.obj": METRES}
     },
     ("scene", "catalogue.*.mesh.file"): {
         "below": catalogue(item(LONG)),
@@ -162,8 +162,7 @@ SAMPLES: Mapping[Form, Mapping[str, Mapping[str, str]]] = {
         "without a flange": robot(flange="mounting", more="flange_behind: turn"),
     },
     ("robot", "mount.urdf"): {
-        "a file": robot(more="mount: {urdf: ../grippers/hook.urdf, to: upper}")
-        | {"grippers/hook.urdf": HOOK},
+        "a file": robot(more="mount: {urdf: ../grippers/hook.urdf, to: upper}") | {"grippers/hook.urdf": HOOK}
     },
     ("faults", "scene"): {
         "a file": {"scene.yaml": SCENE, "faults.yaml": faults("scene: scene.yaml\n")},

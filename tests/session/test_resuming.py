@@ -168,16 +168,24 @@ def test_of_the_log_only_what_follows_the_checkpoint_is_read_and_nothing_kept(
     assert read and min(read) > checkpoint[1].time > 0.0
 
 
-def test_it_goes_on_as_things_stood_and_looks_first(killed: Path, alone: RunResult, tmp_path: Path) -> None:
-    with Resumption(ResumeRequest(killed, out=tmp_path, as_it_stands=True)) as resumption:
+@pytest.fixture(scope="module")
+def stood(killed: Path, tmp_path_factory: pytest.TempPathFactory) -> RunResult:
+    """The killed run when it has gone on as things stood."""
+    out = tmp_path_factory.mktemp("stood")
+    with Resumption(ResumeRequest(killed, out=out, as_it_stands=True)) as resumption:
         assert resumption.description.endswith(": it looks first")
         session = resumption.session()
         # The fingers hold an item: that the checkpoint told them to open is over.
         assert session.execution.world.gripper.overdue_failure() is None
-        result = session.run()
-    assert (result.status, result.items) == ("success", alone.items)
-    assert result.picks.tried >= alone.picks.tried  # those of before the kill count
-    with Run(result.folder) as run, RecordedRun(run) as recorded:
+        return session.run()
+
+
+def test_it_goes_on_as_things_stood_and_looks_first(
+    stood: RunResult, alone: RunResult, tmp_path: Path
+) -> None:
+    assert (stood.status, stood.items) == ("success", alone.items)
+    assert stood.picks.tried >= alone.picks.tried  # those of before the kill count
+    with Run(stood.folder) as run, RecordedRun(run) as recorded:
         assert run.info.continues is not None
         assert (run.info.continues.as_it_stands, run.info.continues.items_done) == (True, 1)
         assert told(run, "put_down") == ["in_hand is put down"]
@@ -189,29 +197,22 @@ def test_it_goes_on_as_things_stood_and_looks_first(killed: Path, alone: RunResu
         with Run(alone.folder) as before:
             picked = [at.record.data["object"] for at in before.events if at.record.kind == "pick"]
         assert set(names) == {picked[1]}  # the same item has the same id
-        recipe = recorded.recipe()
-        again = Session(
-            replace(recipe, limit=run.info.continues.time + 0.5), record=Recording(tmp_path)
-        ).run()
+        limit = run.info.continues.time + 0.5
+        again = Session(replace(recorded.recipe(), limit=limit), record=Recording(tmp_path)).run()
         with Run(again.folder) as repeated:
             assert told(repeated, "took_stock") == [first, felt]
 
 
-@pytest.mark.parametrize(("form", "order"), [("lz4", "shuffled"), ("no index", "epoch")])
 def test_a_killed_run_that_another_program_rewrote_goes_on_as_things_stood(
-    killed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], form: str, order: str
+    killed: Path, stood: RunResult, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    log = killed / "log.mcap"
-    rewritten = WRITING[form](ORDER[order](Content.of(log))).write(tmp_path / "rewritten.mcap")
-    went_on: list[tuple[str, float, object]] = []
-    for path in (log, rewritten):
-        out = tmp_path / path.stem
-        assert answer(["run", "--resume", str(path), "--as-it-stands", "--out", str(out)]) == 0
-        said = capsys.readouterr().err.partition("\n")[0]
-        result = json.loads(next(out.glob("*/result.json")).read_text())
-        went_on.append((said.replace(str(path), "LOG"), result["sim_seconds"], result["items"]))
-    assert went_on[0][0].startswith("resuming LOG from its last state at ")
-    assert went_on[1] == went_on[0]
+    content = WRITING["lz4"](ORDER["epoch"](ORDER["shuffled"](Content.of(killed / "log.mcap"))))
+    log = content.write(tmp_path / "rewritten.mcap")
+    assert answer(["run", "--resume", str(log), "--as-it-stands", "--out", str(tmp_path / "on")]) == 0
+    said = capsys.readouterr().err.partition("\n")[0]
+    assert said.startswith(f"going on with {log} as things stood at ")
+    result = json.loads(next(tmp_path.glob("on/*/result.json")).read_text())
+    assert (result["sim_seconds"], result["items"]["sorted"]) == (stood.sim_seconds, stood.items.sorted)
 
 
 def killed_at_once(folder: Path, out: Path) -> Path:

@@ -130,12 +130,6 @@ def test_checkpoints_are_in_the_log_and_can_be_read_back(tmp_path: Path) -> None
     assert session.execution.tree.save() == state.tree
 
 
-def test_a_run_ends_at_its_limit(tmp_path: Path) -> None:
-    result = Session(request(tmp_path, limit=1.0)).run()
-    assert result.status == "timeout"
-    assert result.sim_seconds == pytest.approx(1.0, abs=0.051)
-
-
 def test_an_interrupted_run_has_a_result_and_a_whole_log(tmp_path: Path) -> None:
     result = Session(request(tmp_path), observers=[Interrupting()]).run()
     assert result.status == "interrupted"

@@ -58,10 +58,6 @@ def recorded(emptied: RunResult) -> Iterator[RecordedRun]:
         yield found
 
 
-def test_two_things_are_sorted(emptied: RunResult) -> None:
-    assert (emptied.status, emptied.items.sorted, emptied.items.misplaced) == ("success", 2, 0)
-
-
 PILE = """\
 picktree: 1
 kind: scene
@@ -119,21 +115,21 @@ kind: scene
 base: totes
 checkpoint_every: 1
 cameras: {overhead: {size: [320, 240]}}
-spawn: [{of: {assortment: 2}, colours: [red, blue], into: tote, drop: heap}]
-feed: [{of: {assortment: 2}, colours: [red, blue], into: tote, total: 4}]
+spawn: [{of: {assortment: 1}, colours: [red, blue], into: tote, drop: heap}]
+feed: [{of: {assortment: 2}, colours: [red, blue], into: tote, total: 2}]
 """
 
 
 @pytest.fixture(scope="module")
 def fed(tmp_path_factory: pytest.TempPathFactory) -> RunResult:
-    """A run of the example that ends with the tote in which the third thing was placed."""
+    """A run of the example that ends with the tote in which the second thing was placed."""
     folder = tmp_path_factory.mktemp("fed")
     (folder / "few.yaml").write_text(FEED)
     request = RunRequest(
         EXAMPLES / "feed_from_totes.yaml",
         str(folder / "few.yaml"),
         seed=SEED,
-        parameters={"items": "3"},
+        parameters={"items": "2"},
         out=folder,
     )
     return Session(request).run()
@@ -147,7 +143,7 @@ def test_totes_come_and_go(fed: RunResult) -> None:
         fed.feed.exchanges,
     )
     assert fed.feed.exchanges >= 1
-    assert fed.items.sorted >= 3
+    assert fed.items.sorted >= 2
 
 
 def test_a_run_with_another_tote_goes_on_from_a_checkpoint(fed: RunResult, tmp_path: Path) -> None:
@@ -162,6 +158,9 @@ def test_a_run_with_another_tote_goes_on_from_a_checkpoint(fed: RunResult, tmp_p
 
 def test_it_goes_on_with_the_heap_that_was_seen(recorded: RecordedRun, tmp_path: Path) -> None:
     name = recorded.checkpoints()[0]
+    assert recorded.run.result is not None
+    items = recorded.run.result.items
+    assert (recorded.run.result.status, items.sorted, items.misplaced) == ("success", 2, 0)
     assert set(recorded.state(name).heaps) == {"tote"}
     goes_on_from(recorded, name, tmp_path)
 

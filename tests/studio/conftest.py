@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import asyncio
 import http.client
 import itertools
 import json
 import os
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Coroutine, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import pytest
 from websockets.sync.client import ClientConnection, connect
@@ -20,6 +22,9 @@ from picktree.apps.studio.server import link, listen, make_server
 from picktree.apps.studio.workspace import Workspace
 from picktree.trees.loading import PLUGINS_VARIABLE
 
+from ..browser import Chromium, Told
+
+T = TypeVar("T")
 PATIENCE = 300.0
 """Wall seconds within which an answer comes, however busy the machine is."""
 
@@ -122,6 +127,22 @@ def serving(folder: Path) -> Iterator[Served]:
             os.environ.pop(PLUGINS_VARIABLE, None)
             if before is not None:
                 os.environ[PLUGINS_VARIABLE] = before
+
+
+@contextmanager
+def opened(served: Served, chromium: Chromium) -> Iterator[tuple[Any, Told]]:
+    """The studio in a browser, its start page open; what the page had to say."""
+    with chromium.blank(f"http://127.0.0.1:{served.port}/") as (page, told):
+        page.set_default_timeout(PATIENCE * 1000)
+        page.goto(served.link)
+        page.wait_for_selector("main h1, main h2")
+        yield page, told
+
+
+def on_a_loop(work: Callable[[], Coroutine[Any, Any, T]]) -> T:
+    """Run a coroutine in a thread of its own: the tests' browser has a loop in this one."""
+    with ThreadPoolExecutor(1) as alone:
+        return alone.submit(lambda: asyncio.run(work())).result()
 
 
 @pytest.fixture

@@ -80,10 +80,7 @@ def hostile_log(sample: ModuleType, path: Path) -> None:
                 Transition(node, "FAILURE", cause=cause, origin=leaf, message=MARKUP, evidence=both)
                 for node in (leaf, main)
             )
-            begins = (
-                Transition(main, "RUNNING"),
-                Transition(leaf, "RUNNING", {IMAGE: LINK}, str(item.id)),
-            )
+            begins = (Transition(main, "RUNNING"), Transition(leaf, "RUNNING", {IMAGE: LINK}, str(item.id)))
             nodes = (
                 NodeState(main, "Sequence", status, True, "", cause),
                 NodeState(leaf, IMAGE, status, True, MARKUP, cause, both if failed else {}),

@@ -14,7 +14,7 @@ from picktree.world.scene.scene_loading import SHIPPED
 
 from ..browser import Chromium
 from ..needs import CHROMIUM, needs, packages
-from .conftest import PATIENCE, Served
+from .conftest import Served, opened
 from .test_live import MISSION, end_runs
 from .test_page import go, serious
 
@@ -35,10 +35,7 @@ def browser(served: Served, chromium: Chromium) -> Iterator[Any]:
     (folder / "cell.yaml").write_text(scene, encoding="utf-8")
     (folder / "asking.yaml").write_text(MISSION, encoding="utf-8")
     (folder / "night.yaml").write_text(PLAN, encoding="utf-8")
-    with chromium.blank(f"http://127.0.0.1:{served.port}/") as (page, _):
-        page.set_default_timeout(PATIENCE * 1000)
-        page.goto(served.link)
-        page.wait_for_selector("main h1, main h2")
+    with opened(served, chromium) as (page, _):
         yield page
     end_runs(folder)
 

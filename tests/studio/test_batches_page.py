@@ -12,7 +12,7 @@ import pytest
 
 from ..browser import Chromium, Told
 from ..needs import CHROMIUM, needs, packages
-from .conftest import PATIENCE, Served
+from .conftest import Served, opened
 from .test_page import go, serious
 
 pytestmark = needs(CHROMIUM)
@@ -34,11 +34,8 @@ def page(served: Served, chromium: Chromium) -> Iterator[tuple[Any, Told]]:
     shutil.copy(EXAMPLES / "one_pick.yaml", served.folder)
     (served.folder / "slip.yaml").write_text(SLIP, encoding="utf-8")
     (served.folder / "night.yaml").write_text(PLAN, encoding="utf-8")
-    with chromium.blank(f"http://127.0.0.1:{served.port}/") as (opened, told):
-        opened.set_default_timeout(PATIENCE * 1000)
-        opened.goto(served.link)
-        opened.wait_for_selector("main h1, main h2")
-        yield opened, told
+    with opened(served, chromium) as found:
+        yield found
 
 
 @needs(packages("studio"))

@@ -10,7 +10,7 @@ import pytest
 
 from ..browser import Chromium, Told, wait_until
 from ..needs import CHROMIUM, needs
-from .conftest import PATIENCE, Served
+from .conftest import Served, opened
 from .test_live import end_runs
 
 pytestmark = needs(CHROMIUM)
@@ -53,10 +53,7 @@ class Keys:
 @pytest.fixture
 def page(served: Served, chromium: Chromium) -> Iterator[tuple[Keys, Told]]:
     """The studio of an empty folder in a browser."""
-    with chromium.blank(f"http://127.0.0.1:{served.port}/") as (browser, told):
-        browser.set_default_timeout(PATIENCE * 1000)
-        browser.goto(served.link)
-        browser.wait_for_selector("main h1, main h2")
+    with opened(served, chromium) as (browser, told):
         yield Keys(browser), told
     end_runs(served.folder)
 

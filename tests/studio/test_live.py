@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
@@ -21,7 +20,7 @@ from picktree.files import PicktreeError
 from picktree.session.attach_socket import SOCKET_NAME, connect_to_run
 from picktree.world.robot_model.robot_file import robot_names
 
-from .conftest import PATIENCE
+from .conftest import PATIENCE, on_a_loop
 
 T = TypeVar("T")
 
@@ -108,12 +107,6 @@ def end_runs(folder: Path) -> None:
             connection.sendall(b'{"steer": true}\n{"line": "quit"}\n')
             while connection.recv(1 << 16):
                 pass
-
-
-def on_a_loop(work: Callable[[], Coroutine[Any, Any, T]]) -> T:
-    """Run a coroutine in a thread of its own: the tests' browser has a loop in this one."""
-    with ThreadPoolExecutor(1) as alone:
-        return alone.submit(lambda: asyncio.run(work())).result()
 
 
 ORDER = RunOrder(mission="asking.yaml", backend="kinematic", pace=2.0)

@@ -14,7 +14,7 @@ from picktree.analysis import Run
 
 from ..browser import Chromium, Told, wait_until
 from ..needs import CHROMIUM, needs, packages
-from .conftest import PATIENCE, Served
+from .conftest import Served, opened
 from .test_live import MISSION, end_runs
 from .test_page import serious
 
@@ -28,11 +28,8 @@ def page(served: Served, chromium: Chromium) -> Iterator[tuple[Any, Told]]:
     marked = MISSION.replace("is it there?", f"is it there? {MARKUP.replace(chr(34), chr(39))}")
     (served.folder / "asking.yaml").write_text(marked)
     (served.folder / "faulty.yaml").write_text(MISSION.replace("Observe", "Obzerve"))
-    with chromium.blank(f"http://127.0.0.1:{served.port}/") as (opened, told):
-        opened.set_default_timeout(PATIENCE * 1000)
-        opened.goto(served.link)
-        opened.wait_for_selector("main h1, main h2")
-        yield opened, told
+    with opened(served, chromium) as found:
+        yield found
     end_runs(served.folder)
 
 

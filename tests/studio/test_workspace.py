@@ -5,10 +5,7 @@ from __future__ import annotations
 import asyncio
 import shutil
 import time
-from collections.abc import Callable, Coroutine
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import TypeVar
 
 import pytest
 
@@ -20,9 +17,8 @@ from picktree.files import PicktreeError
 from picktree.logs import RunLog, RunResult
 from picktree.trees.loading import PLUGINS_VARIABLE
 
-from .conftest import PATIENCE, Refused, Served, serving
+from .conftest import PATIENCE, Refused, Served, on_a_loop, serving
 
-T = TypeVar("T")
 MISSION = "picktree: 1\nkind: mission\nname: wave\nplugins: [wave.py]\ntrees:\n  Main: Wave\n"
 PLUGIN = '''
 from picktree.trees import Skill
@@ -78,12 +74,6 @@ def test_the_examples_are_offered_and_overwrite_nothing(served: Served) -> None:
         kinds = {each["kind"] for each in client.call("folder.state")["files"]}
     assert kinds == {"mission", "faults", "cases", "plan"}
     assert (served.folder / "one_pick.yaml").read_text() == "mine\n"
-
-
-def on_a_loop(work: Callable[[], Coroutine[None, None, T]]) -> T:
-    """Run a coroutine in a thread of its own: the tests' browser has a loop in this one."""
-    with ThreadPoolExecutor(1) as alone:
-        return alone.submit(lambda: asyncio.run(work())).result()
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from typing import Any
 from picktree.files.file_system import ROOT
 
 from ..browser import Chromium, Told, wait_until
-from ..needs import CHROMIUM, needs, packages
+from ..needs import CHROMIUM, needs
 from .conftest import Served
 from .test_page import go, page, serious
 
@@ -26,7 +26,6 @@ def written(browser: Any) -> str:
     return "\n".join(browser.locator(".cm-line").all_inner_texts())
 
 
-@needs(packages("studio"))
 def test_a_mission_is_broken_mended_changed_and_saved(served: Served, page: tuple[Any, Told]) -> None:
     browser, told = page
     shutil.copyfile(ROOT / "examples" / NAME, served.folder / NAME)
