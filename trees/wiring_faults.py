@@ -167,8 +167,10 @@ def _as_label(value: object) -> str:
 
 
 def _writes(keys: TreeKeys, facts: frozenset[str]) -> Iterator[Diagnostic]:
-    """Yield a fault for each write to an input of the tree or of another type than its output, and for each
-    key that hides a fact."""
+    """Yield a fault for each write to an input of the tree, and for each of another type than its output.
+
+    A key that hides a fact is a fault, too.
+    """
     for port in keys.tree.ports:
         if port.key in facts:
             yield Diagnostic(_declared(keys, port.key), keys.tree.name, *_hidden(port.key), "P259")

@@ -42,8 +42,10 @@ class KinematicContacts:
             self._upon.pop(foot, None)
 
     def top(self, foot: str, height: float, tops: Iterable[tuple[str, float]]) -> float | None:
-        """Return the height of the highest of `tops` (names and heights at the foot, m) that carries the foot
-        or is below it; None without one."""
+        """Return the height of the highest top that carries the foot or is below it; None without one.
+
+        `tops` are names and heights at the foot, m.
+        """
         before, upon = self._height.get(foot), self._upon.get(foot, frozenset[str]())
         entered = height + MAX_FIRST_CONTACT_DEPTH if before is None else before + MAX_ENTRY_DEPTH
         carrying = {name: top for name, top in tops if top <= max(height, entered) or name in upon}
