@@ -476,7 +476,7 @@ class _Parser:
             share = number_of(self._tokens[self._next - 2]) / 100
             return syntax_error(f"'%' is the remainder of a division here; write {share:g}", before.at)
         if before is not None and before.text == token.text == "*":
-            return syntax_error("there is no power; write 'x * x'", before.at)
+            return syntax_error("powers are not supported; write 'x * x'", before.at)
         if before is None:
             return syntax_error(f"a value is missing before {short(token.text)}", token.at)
         if token.kind == "end" and before.text in ("(", "["):

@@ -113,7 +113,7 @@ class WouldAGripperResetHelp(WouldHelp):
 
 
 class WouldReplanningHelp(WouldHelp):
-    """Whether planning otherwise may help: with another seed, with more checks, with more room."""
+    """Whether planning in another way may help: with another seed, more checks or more clearance."""
 
     helps = (
         "planning.no_path", "planning.budget", "planning.blocked", "planning.no_ik", "planning.constraint",

@@ -35,7 +35,7 @@ class LookAround(Skill):
         "the object to look for; without it, all cameras look once", default=ObjectId("")
     )
     objects: Out[list[ObjectId]] = port(
-        "ids of the items outside their destination, in the order to take them"
+        "ids of the items outside their destination, in the order in which to take them"
     )
     causes = (perception.NOT_FOUND, perception.NO_IMAGE, planning.ANY, control.ANY, safety.ANY)
     uses = (ARM, CAMERA)

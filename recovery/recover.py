@@ -37,9 +37,9 @@ class Budget(Decorator):
 
     Each handler that a `Recover` or `RecoveryNode` below starts counts. The time from a first
     failure until it is cured or given up counts, too. A handler that runs when the
-    time is over is finished; the next is refused. The nodes below then give up, with their `give_up`. The
-    budget fails with tree.budget, with the failure that was not handled attached. Without recovery the child
-    may run without limit.
+    time is used up may end; no further handler starts. The nodes below then give up, with their `give_up`.
+    The budget fails with tree.budget, with the failure that was not handled attached. Without recovery the
+    child may run without limit.
 
     With `of` each object has an account, which is kept until the child succeeds with that object. Without
     `of` each start of the node opens a new account. Budgets may be nested: a recovery is charged to all of

@@ -164,7 +164,7 @@ class ExchangeBin(Skill):
             if waited >= self.longest:
                 raise Failure(
                     feed.NO_EXCHANGE,
-                    f"no empty bin came in the place of {self.bin} within {self.longest:g} s",
+                    f"no empty bin replaced {self.bin} within {self.longest:g} s",
                     bin=self.bin,
                     waited=waited,
                     fill=full,

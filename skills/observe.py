@@ -30,7 +30,7 @@ class Observe(Skill):
         "object that must be in view, else the node fails; without it, any view will do", default=ObjectId("")
     )
     objects: Out[list[ObjectId]] = port(
-        "ids of the items outside their destination, in the order to take them"
+        "ids of the items outside their destination, in the order in which to take them"
     )
     causes = (perception.NOT_FOUND, perception.NO_IMAGE)
     uses = (CAMERA,)

@@ -28,8 +28,8 @@ class Survey(Skill):
     """Look at a calibration target, and record exactly where its squares are in the pictures.
 
     A camera on the hand is taken to places all around it, which differ as much in their turn as the arm
-    allows. Places out of reach are passed over. Before a fixed camera the arm gets out of the way, and many
-    pictures are averaged. Nothing is corrected yet: `picktree calibrate` does that.
+    allows. Places out of reach are passed over. A fixed camera takes many pictures while the arm is out of
+    its view, and their mean is used. Nothing is corrected yet: `picktree calibrate` does that.
     """
 
     example = """

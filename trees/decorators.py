@@ -451,7 +451,7 @@ class EntryDecorator(EntryNode, Decorator, abstract=True):
 
 
 class SkipUnlessUpdated(EntryDecorator):
-    """Ticks its child when the key was written since the last time; otherwise it is SKIPPED.
+    """Ticks its child when the key was written since the child last started; otherwise it is SKIPPED.
 
     A child that runs is ticked until it ends. A write of an equal value counts, too.
     """
@@ -465,7 +465,7 @@ class SkipUnlessUpdated(EntryDecorator):
 
 
 class WaitValueUpdate(EntryDecorator):
-    """Ticks its child when the key was written since the last time; until then it is RUNNING.
+    """Ticks its child when the key was written since the child last started; until then it is RUNNING.
 
     A child that runs is ticked until it ends. A write of an equal value counts, too.
     """

@@ -217,7 +217,7 @@ class CrushedEvent(JournalEvent, kind="crushed"):
     object: Annotated[str, "id of the item in the simulation"]
     finger: Annotated[str, "name of the finger"]
     force: Annotated[float, "force of the finger", "N"]
-    limit: Annotated[float, "force that the item bears", "N"]
+    limit: Annotated[float, "greatest force that the item can withstand", "N"]
     time: Annotated[float, "simulated time of the contact", "s"]
 
 

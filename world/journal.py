@@ -207,7 +207,7 @@ class Plan:
         tuple[tuple[float, float, float], ...], "positions of the TCP along the path in the world", "m"
     ] = ()
     start: Annotated[tuple[float, ...], "configuration at the start, also of a failure", "rad"] = ()
-    version: Annotated[int, "version of the belief in which it was planned"] = 0
+    version: Annotated[int, "version of the belief that the plan is based on"] = 0
     length: Annotated[float, "length of the path in joint space", "rad"] = 0.0
     way: Annotated[float, "length of the TCP's path", "m"] = 0.0
     singular: Annotated[

@@ -410,7 +410,7 @@ class RunOnce(Node):
     ) -> None: ...
 
 class SkipUnlessUpdated(Node):
-    """Ticks its child when the key was written since the last time; otherwise it is SKIPPED.
+    """Ticks its child when the key was written since the child last started; otherwise it is SKIPPED.
 
     A child that runs is ticked until it ends. A write of an equal value counts, too.
 
@@ -427,7 +427,7 @@ class SkipUnlessUpdated(Node):
     ) -> None: ...
 
 class WaitValueUpdate(Node):
-    """Ticks its child when the key was written since the last time; until then it is RUNNING.
+    """Ticks its child when the key was written since the child last started; until then it is RUNNING.
 
     A child that runs is ticked until it ends. A write of an equal value counts, too.
 
@@ -664,9 +664,9 @@ class Budget(Node):
 
     Each handler that a `Recover` or `RecoveryNode` below starts counts. The time from a first
     failure until it is cured or given up counts, too. A handler that runs when the
-    time is over is finished; the next is refused. The nodes below then give up, with their `give_up`. The
-    budget fails with tree.budget, with the failure that was not handled attached. Without recovery the child
-    may run without limit.
+    time is used up may end; no further handler starts. The nodes below then give up, with their `give_up`.
+    The budget fails with tree.budget, with the failure that was not handled attached. Without recovery the
+    child may run without limit.
 
     With `of` each object has an account, which is kept until the child succeeds with that object. Without
     `of` each start of the node opens a new account. Budgets may be nested: a recovery is charged to all of
@@ -814,7 +814,7 @@ class WouldAGripperResetHelp(Node):
     ) -> None: ...
 
 class WouldReplanningHelp(Node):
-    """Whether planning otherwise may help: with another seed, with more checks, with more room.
+    """Whether planning in another way may help: with another seed, more checks or more clearance.
 
     Ports:
         cause: the cause that is being handled: output `cause` of the Recover.
@@ -888,7 +888,7 @@ class LookAround(Node):
 
     Ports:
         expect: the object to look for; without it, all cameras look once.
-        objects: ids of the items outside their destination, in the order to take them. Output: the key to write, as '{objects}'.
+        objects: ids of the items outside their destination, in the order in which to take them. Output: the key to write, as '{objects}'.
     """
 
     def __init__(
@@ -976,7 +976,7 @@ class Observe(Node):
     Ports:
         camera: the camera to look through; default overhead.
         expect: object that must be in view, else the node fails; without it, any view will do.
-        objects: ids of the items outside their destination, in the order to take them. Output: the key to write, as '{objects}'.
+        objects: ids of the items outside their destination, in the order in which to take them. Output: the key to write, as '{objects}'.
     """
 
     def __init__(
@@ -1348,8 +1348,8 @@ class Survey(Node):
     """Look at a calibration target, and record exactly where its squares are in the pictures.
 
     A camera on the hand is taken to places all around it, which differ as much in their turn as the arm
-    allows. Places out of reach are passed over. Before a fixed camera the arm gets out of the way, and many
-    pictures are averaged. Nothing is corrected yet: `picktree calibrate` does that.
+    allows. Places out of reach are passed over. A fixed camera takes many pictures while the arm is out of
+    its view, and their mean is used. Nothing is corrected yet: `picktree calibrate` does that.
 
     Ports:
         target: the fixture with `marker`; default target.

@@ -99,7 +99,7 @@ def plan(
     robot: OtherRobot = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the spawned items and of the planner.")] = 0,
     upright: Annotated[
-        str, typer.Option(metavar="TILT", help="Maximum tilt of a tool that points down, as 10deg.")
+        str, typer.Option(metavar="TILT", help="Maximum tilt of a tool that points down, for example 10deg.")
     ] = "",
     line: Annotated[bool, typer.Option("--line", help="Move the tool straight to the goal.")] = False,
     clearance: Annotated[

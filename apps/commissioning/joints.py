@@ -393,7 +393,7 @@ def _proposed(name: str, joint: urdf_parser.UrdfJoint) -> ProposedLimits:
         comments.append("soft limits of the URDF")
     elif joint.type == "continuous" or joint.lower is None or joint.upper is None:
         lower, upper = -CONTINUOUS_RANGE, CONTINUOUS_RANGE
-        comments.append("turns without end: one turn to either side, for the cables")
+        comments.append("continuous joint: limited to one turn to either side, to spare the cables")
     else:
         reserve = min(LIMIT_RESERVE, RESERVE_SHARE * (joint.upper - joint.lower))
         lower, upper = joint.lower + reserve, joint.upper - reserve

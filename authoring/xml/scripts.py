@@ -167,7 +167,7 @@ def _text(part: expression_syntax.Part) -> str:
         case expression_syntax.Conditional(test=test, yes=yes, no=no):
             return f"{_in_logic(test)} ? {_in_logic(yes)} : {_in_logic(no)}"
         case _:
-            raise NotExpressible("there are no attributes, lists, functions and other operators")
+            raise NotExpressible("attributes, lists, functions and other operators are not allowed")
 
 
 def _is_text(part: expression_syntax.Part) -> bool:

@@ -262,7 +262,8 @@ def load_planner(name: str) -> PathPlanner:
         reason = re.sub(r"\s+", " ", str(error)) or type(error).__name__
         raise PicktreeError(f"the planner {name!r} ({entry.value}) cannot be imported: {reason}") from error
     if not callable(search):
-        raise PicktreeError(f"the planner {name!r} ({entry.value}) is no function of a SearchProblem")
+        message = f"the planner {name!r} ({entry.value}) must be a function that takes a SearchProblem"
+        raise PicktreeError(message)
     return PathPlanner(name, cast("PathSearch", search))
 
 

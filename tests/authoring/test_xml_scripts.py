@@ -91,9 +91,9 @@ def test_what_both_can_say(ours: str, theirs: str) -> None:
 
 UNSAID = {
     "items_left": "'items_left' is a fact of the world, not a key of the blackboard",
-    "item.colour == 'red'": "there are no attributes, lists, functions and other operators",
-    "len(items) > 0": "there are no attributes, lists, functions and other operators",
-    "n // 2": "there are no attributes, lists, functions and other operators",
+    "item.colour == 'red'": "attributes, lists, functions and other operators are not allowed",
+    "len(items) > 0": "attributes, lists, functions and other operators are not allowed",
+    "n // 2": "attributes, lists, functions and other operators are not allowed",
     "c in ['red']": "there is no 'in'",
     "x == null": "there is no null",
     "trueish": "'trueish' begins like a constant",
@@ -101,7 +101,7 @@ UNSAID = {
     "c == 'it\\'s \"so\"'": "a text with such characters",
     'c == "operator\'s bin"': "a text with such characters",
     "n == 9007199254740993": "the number is too large",
-    "+n": "there are no attributes, lists, functions and other operators",
+    "+n": "attributes, lists, functions and other operators are not allowed",
 }
 
 

@@ -125,7 +125,7 @@ def test_attributes_go_through_the_resolver_only() -> None:
         ("lambda: 1", "not an expression: a lambda is not part of the language", 0),
         ("len(*x)", "not an expression: a value is missing between '(' and '*'", 4),
         ("5 %", "not an expression: '%' is the remainder of a division here; write 0.05", 2),
-        ("2 ** 9", "not an expression: there is no power; write 'x * x'", 2),
+        ("2 ** 9", "not an expression: powers are not supported; write 'x * x'", 2),
         ("~x", "not an expression: the character '~' has no meaning here", 0),
         ("1 + ...", "not an expression: a value is missing between '+' and '.'", 4),
         ("\x00", "not an expression: the character '\\x00' has no meaning here", 0),

@@ -1,4 +1,4 @@
-"""Grip force: it follows from mass, friction and the force that the item bears."""
+"""Grip force: it follows from mass, friction and the greatest force that the item can withstand."""
 
 from __future__ import annotations
 

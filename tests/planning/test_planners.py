@@ -355,7 +355,8 @@ def test_a_plug_in_does_not_take_the_name_of_a_built_in_planner() -> None:
     "name, told",
     [
         ("nowhere", "the planner 'nowhere' returned a path that does not lead from the start to a goal"),
-        ("three", "the planner 'three' (my_planners:NO_FUNCTION) is no function of a SearchProblem"),
+        ("three", "the planner 'three' (my_planners:NO_FUNCTION) must be a function that takes a "
+            "SearchProblem"),
         ("missing", "the planner 'missing' (my_planners:missing) cannot be imported: "
             "module 'my_planners' has no attribute 'missing'"),
         ("ovr", "there is no planner 'ovr': did you mean 'over'?"),

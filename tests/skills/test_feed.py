@@ -86,7 +86,7 @@ RED_BIN = {"bin": "red_bin", "fill": 0.0}
         (
             "ExchangeBin: {bin: red_bin, longest: 3 s}",
             {"delay": None},
-            "feed.no_exchange: no empty bin came in the place of red_bin within 3 s",
+            "feed.no_exchange: no empty bin replaced red_bin within 3 s",
             {**WAITED, **RED_BIN},
         ),
         (

@@ -34,7 +34,7 @@ def faults(text: str) -> list[str]:
          "3:37: Main/Repeat: port 'num_cycles': the number is too large (number of cycles; -1 for no limit)"),
         ("trees: {Main: {SetBlackboard: {value: [1, .nan], output_key: '{a}'}}}",
          "3:39: Main/SetBlackboard: port 'value': nan is not a finite number (the value, or a reference "
-         "to another)"),
+         "to an entry)"),
         ("trees: {Main: {Find: {ids: red_1, found: '{x}'}}}",
          "3:28: Main/Find: port 'ids': 'red_1' is not a list, each a text (write [red_1])"),
         ("trees: {Main: {Take: {object: '{the item}'}}}", "3:31: Main/Take: port 'object': '{the item}' is "

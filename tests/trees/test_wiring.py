@@ -127,7 +127,7 @@ def test_what_fits_is_quiet(wired: str) -> None:
          'it, as "{= round(n / 2)}")'),
         ("one: '{= os}'", "P237 7:20: port 'one': {= os} is a list, each an object's id, not an object's id"),
         ("side: \"{= 'up' if f else 'down'}\"", "P237 7:21: port 'side': {= 'up' if f else 'down'}: 'up' is "
-         "none of the choices; known: left, right"),
+         "not a choice; known: left, right"),
         ("count: '{= n - t}'", "P226 7:28: port 'count': '-' does not work on a whole number and a text"),
         ("text: '{= t[0]}'", "P226 7:26: port 'text': only a list has elements, and this is a text"),
         ("text: '{= [s][1]}'", "P226 7:28: port 'text': a list of 1 has no element [1]; [0] is the only one"),

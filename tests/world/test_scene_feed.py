@@ -111,7 +111,7 @@ REPLACED = {  # by the text that is replaced and the one in its place
         ),
         "  - {of: {can: 1}, colours: [red], belt: belt}\nexchange:": (
             "14:42: feed[2].belt: feed[1] comes on the belt 'belt' already "
-            "(one entry says what comes on a belt: a mixture)"
+            "(a belt has one entry: use a mixture)"
         ),
     },
     "{block: 2}": {
@@ -197,7 +197,7 @@ REPLACED_OF_TOTE = {
     "exchange:": {
         "  - {of: {assortment: 3}, colours: [red], into: tote}\nexchange:": (
             "6:49: feed[1].into: feed[0] comes into the tote 'tote' already "
-            "(one entry says what a full tote holds: a mixture)"
+            "(a full tote has one entry: use a mixture)"
         ),
     },
 }

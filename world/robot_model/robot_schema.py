@@ -54,8 +54,8 @@ class GripperFile(GripperSettings):
 
 
 class MountFile(FrameFile):
-    """A gripper of another URDF, mounted on the arm; `at` and `rpy` place its first link in the arm's
-    link."""
+    """A gripper from a URDF of its own, mounted on the arm. `at` and `rpy` are the pose of its first link in
+    the frame of the arm's link."""
 
     urdf: Annotated[str, file_models.NamedFile("urdf")]
     """The gripper's URDF, named as the arm's. It may hold more than the gripper."""
@@ -75,7 +75,7 @@ class RobotFile(file_models.FileModel):
     urdf: Annotated[str, file_models.NamedFile("urdf")]
     """URDF of the robot: a path beside this file, or 'package:path' inside an installed Python package."""
     mount: MountFile | None = None
-    """A gripper of another URDF, for an arm that comes without one."""
+    """A gripper from a URDF of its own, for an arm that comes without one."""
     inertias: dict[str, LinkInertia] = Field(default_factory=lambda: dict[str, LinkInertia]())
     """Inertias by name of the link. They replace values of the URDF that no real body can have."""
     attachments: dict[str, tuple[PlacedBox, ...]] = Field(

@@ -440,7 +440,7 @@ def check_totes(check: DocumentChecker, feed: Sequence[Delivery], *, exchanged: 
             loc: Location = ("feed", n, "into")
             if entry.into in feeding:
                 message = f"feed[{feeding[entry.into]}] comes into the tote {entry.into!r} already"
-                check.fault(loc, message, "one entry says what a full tote holds: a mixture", code="P424")
+                check.fault(loc, message, "a full tote has one entry: use a mixture", code="P424")
             elif not exchanged:
                 message = f"nobody exchanges the tote {entry.into!r}, so no full one comes"
                 check.fault(loc, message, "add 'exchange: {takes: 6 s}'", code="P425", severity="warning")
@@ -459,7 +459,7 @@ def check_belts(
         with check.readable():
             if entry.belt is not None and entry.belt in feeding:
                 message = f"feed[{feeding[entry.belt]}] comes on the belt {entry.belt!r} already"
-                hint = "one entry says what comes on a belt: a mixture"
+                hint = "a belt has one entry: use a mixture"
                 check.fault(("feed", n, "belt"), message, hint, code="P424")
             elif entry.belt is not None:
                 feeding[entry.belt] = n

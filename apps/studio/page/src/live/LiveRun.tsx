@@ -121,7 +121,7 @@ function TreePanel({ state, say, order }: { state: LiveState; say: Say; order(li
   return (
     <section className="live-panel tree" aria-label="Tree">
       <Running state={state} onSelect={setSelected} />
-      {root ? <TreeView root={root} marks={marks} selected={selected || undefined} onSelect={setSelected} onMenu={(path) => setSelected(path)} /> : <p className="loading">The tree has not come yet.</p>}
+      {root ? <TreeView root={root} marks={marks} selected={selected || undefined} onSelect={setSelected} onMenu={(path) => setSelected(path)} /> : <p className="loading">The tree has not arrived yet.</p>}
       {chosen && (
         <div className="live-node">
           <p><b>{chosen.name}</b> <span className="muted">{chosen.id}</span> is {status.toLowerCase()}{cause || message ? <>: <span>{[cause, message].filter(Boolean).join(": ")}</span></> : ""}</p>

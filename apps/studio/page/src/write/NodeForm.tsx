@@ -158,7 +158,7 @@ export function NodeActions({ node, parent, siblings, wrappers, change }: { node
           {wrappers.map((each) => <option key={each}>{each}</option>)}
         </select>
       </span>
-      <Button onClick={() => change({ do: "unwrap", node: node.id })} disabled={node.children.length !== 1} title="Put its only child in its place">Unwrap</Button>
+      <Button onClick={() => change({ do: "unwrap", node: node.id })} disabled={node.children.length !== 1} title="Replace the node by its only child">Unwrap</Button>
       <Button onClick={() => change({ do: "move", node: node.id, place: { parent: parent!.id, index: place - 1, slot: node.slot } })} disabled={!inList || place <= 0} title="Alt+↑">Up</Button>
       <Button onClick={() => change({ do: "move", node: node.id, place: { parent: parent!.id, index: place + 2, slot: node.slot } })} disabled={!inList || place === siblings - 1} title="Alt+↓">Down</Button>
       <Button onClick={() => change({ do: "remove", node: node.id })} disabled={!parent || node.aliased} title="Delete">Remove</Button>
