@@ -87,7 +87,11 @@ def test_every_door_has_its_names() -> None:
 
 @pytest.mark.parametrize(
     ("program", "page"),
-    [("doors_page.py", "docs/doors.md"), ("page_types.py", "apps/studio/page/src/records.ts")],
+    [
+        ("doors_page.py", "docs/doors.md"),
+        ("page_types.py", "apps/studio/page/src/records.ts"),
+        ("tables_page.py", "docs/reference-tables.md"),
+    ],
 )
 def test_a_generated_page_is_up_to_date(program: str, page: str) -> None:
     """`make docs` makes it anew."""

@@ -98,7 +98,7 @@ def test_the_story_of_a_failure_says_what_cured_it(tmp_path: Path) -> None:
         told = json.loads(to_json_text(run, found))
     assert (
         "Recover tried LookAgain for grasp.* (SUCCESS after 0.9 s). Cured by LookAgain after 1 try: "
-        "Recover went on at 3.00 s; 2.0 s lost."
+        "Recover continued at 3.00 s; 2.0 s lost."
     ) in " ".join(text.split())
     assert (
         "Recovery (1 episode: 1 cured; 2.0 s lost)\n"

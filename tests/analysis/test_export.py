@@ -121,17 +121,6 @@ def test_odd_texts_survive_and_no_cell_is_a_formula(tmp_path: Path) -> None:
     assert texts[3:6] == ["'=1+1", "'+49", "'-1"]
 
 
-def test_the_document_names_every_table_and_column() -> None:
-    text = (Path(__file__).parents[2] / "docs" / "reference-tables.md").read_text(encoding="utf-8")
-    assert len({table.name for table in TABLES}) == len(TABLES)
-    for table in TABLES:
-        assert f"| `{table.name}` | {table.meaning} |" in text
-        for column in table.columns:
-            unit = f" ({column.unit})" if column.unit else ""
-            assert column.meaning
-            assert f"| `{column.name}`{unit} | {column.meaning} |" in text, f"{table.name}.{column.name}"
-
-
 def test_a_log_that_was_cut_is_exported_with_a_note(run: Run, tmp_path: Path) -> None:
     data = run.path.read_bytes()
     (tmp_path / "cut.mcap").write_bytes(data[: len(data) * 3 // 4])

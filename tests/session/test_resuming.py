@@ -210,7 +210,7 @@ def test_a_killed_run_that_another_program_rewrote_goes_on_as_things_stood(
     log = content.write(tmp_path / "rewritten.mcap")
     assert answer(["run", "--resume", str(log), "--as-it-stands", "--out", str(tmp_path / "on")]) == 0
     said = capsys.readouterr().err.partition("\n")[0]
-    assert said.startswith(f"going on with {log} as things stood at ")
+    assert said.startswith(f"resuming {log} from its last state at ")
     result = json.loads(next(tmp_path.glob("on/*/result.json")).read_text())
     assert (result["sim_seconds"], result["items"]["sorted"]) == (stood.sim_seconds, stood.items.sorted)
 
