@@ -62,6 +62,7 @@ _SYMBOL_HINTS: Mapping[str, str] = {
     "=": "compare with '=='",
     ":": "':' has no meaning here; there are no slices and no mappings",
     "&&": "write 'and' for '&&'",
+    "?": "write 'a if condition else b' for 'condition ? a : b'",
     "||": "write 'or' for '||'",
     "&": "write 'and' for '&'",
     "|": "write 'or' for '|'",

@@ -49,6 +49,10 @@ class CureCount:
         return self.tries_cured / self.cured if self.cured else None
 
 
+NEVER_DUE = "never_due"
+"""End in the count of faults whose time did not come, or whose node did not start."""
+
+
 @dataclass(frozen=True, slots=True)
 class PlantedCount:
     """Count of injected faults of one kind with the same first cause after them, and the same end."""
@@ -57,7 +61,7 @@ class PlantedCount:
     cause: str
     """Cause of the first failure after the fault; empty when nothing failed."""
     end: str
-    """End of that failure's episode; empty without a cause."""
+    """End of that failure's episode; empty without a cause, NEVER_DUE for a fault without any occasion."""
     count: int = 0
 
 
@@ -161,6 +165,11 @@ def added_cures(cures: Iterable[CureCount]) -> tuple[CureCount, ...]:
     return EpisodeCounts(cures).cures
 
 
+def never_due(kinds: Iterable[str]) -> tuple[PlantedCount, ...]:
+    """Return the counts of faults that had no occasion, by kind."""
+    return added_planted(PlantedCount(kind, "", NEVER_DUE, 1) for kind in kinds)
+
+
 def added_planted(planted: Iterable[PlantedCount]) -> tuple[PlantedCount, ...]:
     """Return the counts of several runs together."""
     return EpisodeCounts((), planted).planted
@@ -177,6 +186,9 @@ def cause_lines(cures: Iterable[CureCount]) -> Iterator[str]:
 def planted_lines(planted: Iterable[PlantedCount]) -> Iterator[str]:
     """Yield a line for each count: `2 slip, then grasp.slipped (cured)`."""
     for each in planted:
+        if each.end == NEVER_DUE:
+            yield f"{each.count} {each.fault} not injected: the time or the node's start did not come"
+            continue
         seen = f"{each.cause} ({ENDS[each.end]})" if each.cause else "nothing failed"
         yield f"{each.count} {each.fault}, then {seen}"
 

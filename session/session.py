@@ -26,6 +26,7 @@ from picktree.logs import (
     RunResult,
     RunStatus,
     WallSeconds,
+    episode_counts,
     log_files,
     log_records,
 )
@@ -110,7 +111,7 @@ def summarise(run: Execution, timer: RunTimer, status: RunStatus, digest: str, l
         failures=dict(tally.failures),
         recoveries=dict(tally.recovered),
         cures=tally.cures,
-        planted=tally.planted,
+        planted=(*tally.planted, *episode_counts.never_due(run.injector.never_due)),
         sim_seconds=now,
         cpu_seconds=timer.cpu_seconds,
         wall_seconds=timer.wall_seconds(),

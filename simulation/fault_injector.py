@@ -390,6 +390,20 @@ class FaultInjector:
         the file."""
         return self._hardware.faults.no_plan if any(isinstance(f, NoPlan) for f in self._faults) else None
 
+    @property
+    def never_due(self) -> tuple[str, ...]:
+        """Kinds of the faults that had no occasion so far: the time is to come, or the node did not start."""
+        now, never = self._hardware.clock.now, list[str]()
+        for fault, state in zip(self._faults, self._states, strict=True):
+            match fault.when:
+                case AtTime(time=time):
+                    waits = time > now
+                case AtNode(start=start):
+                    waits = state.starts < start
+            if waits:
+                never.append(fault.fault)
+        return tuple(never)
+
     def node_started(self, path: str) -> None:
         """Note the start of a node. The tree calls this whenever a node starts."""
         now = self._hardware.clock.now

@@ -119,7 +119,10 @@ class Script(Node):
 
 
 class Log(Node):
-    """Writes a sentence, and a value if given, into the record."""
+    """Writes a sentence, and a value if given, into the record.
+
+    `picktree replay` and the report show it among the events; the summary of a run does not.
+    """
 
     flow = LeafFlow(steady=True, ends=(SUCCESS,))
     example = """

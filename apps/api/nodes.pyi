@@ -530,6 +530,8 @@ class Script(Node):
 class Log(Node):
     """Writes a sentence, and a value if given, into the record.
 
+    `picktree replay` and the report show it among the events; the summary of a run does not.
+
     Ports:
         message: the sentence for the record.
         value: a value to log after it.

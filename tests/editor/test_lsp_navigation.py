@@ -93,7 +93,7 @@ def test_hover_of_a_node_has_its_ports(editor: Editor) -> None:
         assert said.startswith("Grasp an object between the fingers")
         ports = [line for line in said.splitlines() if line.startswith("- `")]
         assert ports[0] == "- `object`: the object to grasp *id of an object; required*"
-        assert ports[1].startswith("- `force`: greatest grip force of each finger")
+        assert ports[1].startswith("- `force`: maximum grip force of each finger")
         assert ports[1].endswith("default: 70 N*")
         assert not any("_skipIf" in line for line in ports)
     sub_tree = (

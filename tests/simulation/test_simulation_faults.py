@@ -55,6 +55,17 @@ def test_a_fault_at_a_time_happens_once():
     assert faults.tick() == ()
 
 
+def test_faults_without_an_occasion_are_known():
+    hardware, faults = cell_with_faults()
+    assert faults.never_due == ("remove", "friction", "bump", "remove", "remove")
+    wait(hardware, 0.1)
+    for path in ("Main/SortOne/Grasp", "Main/Observe", "Main/SortOne/Place"):
+        faults.node_started(path)
+    assert faults.never_due == ("friction", "remove")
+    faults.node_started("Main/SortOne/Grasp")
+    assert faults.never_due == ("remove",)
+
+
 def test_a_fault_waits_for_the_second_start_of_its_node():
     _, faults = cell_with_faults()
     faults.node_started("Main/SortOne/Grasp")
