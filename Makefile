@@ -94,6 +94,7 @@ docs: $(RUN)
 	"$(BIN)/picktree" explain-code --index > docs/codes.md; \
 	"$(BIN)/python" docs/events_page.py > docs/events.md; \
 	"$(BIN)/python" docs/doors_page.py > docs/doors.md; \
+	"$(BIN)/python" docs/scenes_page.py > docs/reference-scenes.md; \
 	"$(BIN)/python" docs/tables_page.py > docs/reference-tables.md; \
 	"$(BIN)/python" docs/page_types.py > apps/studio/page/src/records.ts; \
 	"$(BIN)/picktree" render examples/sort_by_colour.yaml -o docs/tree.svg

@@ -91,6 +91,7 @@ def test_every_door_has_its_names() -> None:
         ("doors_page.py", "docs/doors.md"),
         ("page_types.py", "apps/studio/page/src/records.ts"),
         ("tables_page.py", "docs/reference-tables.md"),
+        ("scenes_page.py", "docs/reference-scenes.md"),
     ],
 )
 def test_a_generated_page_is_up_to_date(program: str, page: str) -> None:
