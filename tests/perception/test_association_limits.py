@@ -289,6 +289,7 @@ def test_a_doubtful_look_near_something_hidden_makes_no_new_item() -> None:
     """On the table 0.6 is enough; in a bin nothing is unless it is far from all that is hidden there."""
     for confidence, place, by, new in (
         (0.6, "table", 0.05, True),
+        (0.9, "table", 0.05, True),
         (math.nextafter(0.6, 0.0), "table", 0.05, False),
         (0.6, "red_bin", 0.2, True),
         (math.nextafter(0.6, 0.0), "red_bin", 0.2, False),
