@@ -271,8 +271,10 @@ BATCH_RESULTS = "results.sqlite"
 
 
 def find_log(where: str | Path) -> Path:
-    """Return the log file that LOG names: a file, a run's folder, or `last` in ./runs. Raises
-    PicktreeError."""
+    """Return the log file that LOG names: a file, a run's folder, also by its name in ./runs, or `last`.
+
+    Raises PicktreeError.
+    """
     if str(where) == "last":
         logs = sorted(RUNS_FOLDER.glob(f"*/{LOG_NAME}"), key=lambda p: (_last_write_time(p), str(p)))
         if not logs:
@@ -282,6 +284,8 @@ def find_log(where: str | Path) -> Path:
         return logs[-1]
     path = Path(where)
     file_system.require_utf8(path.absolute())
+    if not path.exists() and (RUNS_FOLDER / path).is_dir():
+        path = RUNS_FOLDER / path
     if path.is_dir():
         inside = path / LOG_NAME
         if inside.is_file():

@@ -173,6 +173,7 @@ def test_a_log_is_found_by_file_folder_and_last(
     run.mkdir(parents=True)
     (run / "log.mcap").write_bytes(log_path.read_bytes())
     assert find_log("last").absolute() == find_log(run) == find_log(run / "log.mcap")
+    assert find_log(run.name).absolute() == find_log(run)
     with pytest.raises(PicktreeError) as raised:
         find_log(tmp_path)
     assert str(raised.value) == f"{tmp_path}: there is no log.mcap in this folder"
