@@ -92,6 +92,7 @@ from .mission_files import (
     MissionFiles as MissionFiles,
     RecordedFiles as RecordedFiles,
     library_names as library_names,
+    library_trees as library_trees,
     name_of as name_of,
     path_of as path_of,
 )

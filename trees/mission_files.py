@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Final, Protocol
 
@@ -78,6 +79,17 @@ def name_of(path: Path, folder: Path) -> str:
 def library_names() -> tuple[str, ...]:
     """Return the names that are valid after `library/`."""
     return file_system.shipped_names(LIBRARY)
+
+
+@lru_cache(maxsize=1)
+def library_trees() -> tuple[tuple[str, str], ...]:
+    """Return the sub-trees that come with picktree, each with the name under which it is included."""
+    found: list[tuple[str, str]] = []
+    for name in library_names():
+        file = f"{IN_LIBRARY}{name}"
+        trees = read_document(path_of(file, LIBRARY), "mission").data.get("trees")
+        found += [(tree, file) for tree in (trees if isinstance(trees, dict) else {})]
+    return tuple(found)
 
 
 def _inside(path: Path, folder: Path) -> bool:

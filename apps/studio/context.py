@@ -16,7 +16,6 @@ from picktree.authoring.editor import (
     OpenFile,
     Source,
     Syntax,
-    library_trees,
     mission_outline,
     outline,
     read_repaired,
@@ -25,7 +24,15 @@ from picktree.authoring.editor import (
 from picktree.authoring.schema import Schema
 from picktree.files import FileError, PicktreeError
 from picktree.files.yaml import Document, read_document
-from picktree.trees import LIBRARY, MAIN, FilesOnDisk, MissionDiagnostics, NodeDeclaration, path_of
+from picktree.trees import (
+    LIBRARY,
+    MAIN,
+    FilesOnDisk,
+    MissionDiagnostics,
+    NodeDeclaration,
+    library_trees,
+    path_of,
+)
 from picktree.trees.loading import PLUGINS_VARIABLE, IncludeReader, NodeRegistry, TreePorts, installed_entries
 
 _MAX_CACHED_CONTEXTS: Final = 16

@@ -18,8 +18,8 @@ from picktree.authoring.schema import (
     one_mission,
 )
 from picktree.files import Mark, PicktreeError
-from picktree.files.yaml import KINDS, Document, YamlNode, read_document
-from picktree.trees import IN_LIBRARY, LIBRARY, MAIN, FilesOnDisk, library_names, path_of
+from picktree.files.yaml import KINDS, Document, YamlNode
+from picktree.trees import MAIN, FilesOnDisk, library_trees
 from picktree.trees.loading import NodeRegistry
 
 from .completion import Proposal, head_proposals, is_expression, proposals, skeletons
@@ -236,17 +236,6 @@ class OpenFile:
 @lru_cache(maxsize=16)
 def _other(schema_of: SchemaOf, kind: str) -> SchemaWalk:
     return SchemaWalk(schema_of(kind))
-
-
-@lru_cache(maxsize=1)
-def library_trees() -> tuple[tuple[str, str], ...]:
-    """Return the sub-trees that come with picktree, each with the name under which it is included."""
-    found: list[tuple[str, str]] = []
-    for name in library_names():
-        file = f"{IN_LIBRARY}{name}"
-        trees = read_document(path_of(file, LIBRARY), "mission").data.get("trees")
-        found += [(tree, file) for tree in (trees if isinstance(trees, dict) else {})]
-    return tuple(found)
 
 
 def _included(root: YamlNode) -> tuple[str, ...]:

@@ -24,6 +24,7 @@ from picktree.trees import (
     PortValues,
     Sequence,
     SlotDeclaration,
+    library_trees,
     references,
     show,
 )
@@ -366,7 +367,9 @@ class NodeSpecReader:
         loc = site.loc
         key = bool(loc) and loc[-1] == identity
         if IDENTIFIER.fullmatch(identity):
-            foreign = foreign_word(identity)
+            library = dict(library_trees()).get(identity)
+            taken = f"take it from the library: include: [{library}]" if library else ""
+            foreign = foreign_word(identity) or taken
             hint = foreign or self._faults.nearest(identity, (*self._trees, *self._registry.ids()))
             detail, near = "", bool(foreign) or hint.startswith("did you mean")
             if not near:
