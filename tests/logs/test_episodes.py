@@ -10,7 +10,7 @@ import pytest
 from pydantic import TypeAdapter
 
 from picktree.logs.episode_counts import cause_lines, counted
-from picktree.logs.item_episodes import Decision, EpisodeTracker, EpisodeTrackerState
+from picktree.logs.item_episodes import CureNames, Decision, EpisodeTracker, EpisodeTrackerState
 from picktree.world import JournalEvent, Transition, Tree
 from picktree.world.event_types import (
     EpisodeEvent,
@@ -551,3 +551,9 @@ def test_a_failure_that_a_node_goes_on_without(parent: str, expected: str) -> No
         2.0: succeed(again, path, "Main"),
     }
     assert fates(tree("Main", path, grasp, f"{path}/Hold"), script) == [(grasp, 1.0, expected, path)]
+
+
+@pytest.mark.parametrize(("count", "name"), [(1, "A"), (2, "A + B"), (3, "A + B + C"), (4, "A + B + 2 more")])
+def test_a_cure_is_named_by_three_nodes_at_most(count: int, name: str) -> None:
+    paths = [f"Sequence/{leaf}" for leaf in "ABCD"[:count]]
+    assert CureNames(tree("Sequence", *paths).nodes).of("Sequence") == name
