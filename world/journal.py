@@ -231,7 +231,7 @@ class Candidate:
     """
 
     name: Annotated[str, "name of the grasp"]
-    position: Annotated[Vector3, "position of the TCP at closing in the world", "m"]
+    position: Annotated[Vector3, "position of the TCP in the world when the fingers closed", "m"]
     orientation: Annotated[Quaternion, "orientation of the TCP at closing in the world, quaternion xyzw"]
     score: Annotated[float, "rank, lowest first: seconds with bonuses and penalties", "s"]
     verdict: Annotated[str, "`accepted`, or the reason of the refusal"]

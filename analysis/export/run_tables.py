@@ -111,7 +111,7 @@ FailureRow = row_type(
 @dataclass(frozen=True, slots=True)
 class ItemRow:
     item: Annotated[str, ColumnDoc("id, as the robot believed")]
-    kind: Annotated[str, ColumnDoc("kind of the catalogue")]
+    kind: Annotated[str, ColumnDoc("kind in the scene's catalogue")]
     colour: Annotated[str, ColumnDoc("colour, as the robot saw it")]
     state: Annotated[str, ColumnDoc("done, held, left or gone, at the end")]
     picks: Annotated[int, ColumnDoc("times that the fingers closed on it")]
@@ -137,7 +137,7 @@ class ObjectRow:
     time: Time
     source: Annotated[str, ColumnDoc("belief, or truth, which the robot did not know")]
     id: Annotated[str, ColumnDoc("id of the object; belief and truth have ids of their own")]
-    kind: Annotated[str, ColumnDoc("kind of the catalogue")]
+    kind: Annotated[str, ColumnDoc("kind in the scene's catalogue")]
     colour: Annotated[str, ColumnDoc("name of the colour")]
     place: Annotated[str, ColumnDoc("believed place: table, hand, a bin; empty for the truth")]
     attached: Annotated[bool, ColumnDoc("true when believed to be in the hand")]
@@ -158,7 +158,7 @@ class JointRow:
     time: Time
     joint: Annotated[str, ColumnDoc("name in the URDF")]
     position: Annotated[float, ColumnDoc("position; of a joint that slides in m", "rad or m")]
-    velocity: Annotated[float, ColumnDoc("velocity; of a joint that slides in m/s", "rad/s or m/s")]
+    velocity: Annotated[float, ColumnDoc("velocity; m/s for a prismatic joint", "rad/s or m/s")]
     effort: Annotated[float, ColumnDoc("effort; of a joint that slides in N", "Nm or N")]
 
 

@@ -184,7 +184,7 @@ def new(
     ] = 10_000,
     seed: Seed = 0,
     force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
-    test: Annotated[bool, typer.Option(help="Test the robot in physics, as picktree robot test.")] = True,
+    test: Annotated[bool, typer.Option(help="Test the robot in physics, by picktree robot test.")] = True,
     page: RobotTestPage = None,
     json: JsonResult = False,
 ) -> None:

@@ -38,7 +38,7 @@ def whatif(
     no_faults: Annotated[bool, typer.Option("--no-faults", help="Resume without faults.")] = False,
     out: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Folder for the new run's folder.", show_default="runs"),
+        typer.Option(metavar="DIR", help="Folder for the folder of the new run.", show_default="runs"),
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print both outcomes as one JSON object.")] = False,
 ) -> None:

@@ -94,7 +94,7 @@ AsItStands: TypeAlias = Annotated[
     bool,
     typer.Option(
         "--as-it-stands",
-        help="With --resume: from the simulation's last state, with the checkpoint's knowledge; look first.",
+        help="With --resume: start from the simulation's last state and the checkpoint's belief; look first.",
     ),
 ]
 Wait: TypeAlias = Annotated[

@@ -22,7 +22,7 @@ class TcpFile(FrameFile):
 
 
 class LinkageFile(file_models.FileModel):
-    """Fingers that one motor moves through hinges, as the knuckles of a four-bar linkage."""
+    """Fingers that one motor drives through hinges, for example the knuckles of a four-bar linkage."""
 
     drive: str
     """The joint of the URDF that the motor turns."""

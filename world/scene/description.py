@@ -349,8 +349,8 @@ class ItemLoad(file_models.FileValue):
     """Items that are set down together."""
 
     counts: Annotated[dict[str, Count], Field(alias="of", min_length=1)]
-    """Number of items of each kind of the catalogue; for a belt the shares of a mixture. `assortment` means
-    items of the scene's `assortment`."""
+    """Number of items of each kind in the scene's catalogue; for a belt the shares of a mixture. `assortment`
+    means items of the scene's `assortment`."""
     colours: Annotated[tuple[ItemColour, ...], Field(min_length=1)]
     """Colours of the items, assigned in turn and shuffled: with three colours a third of the items has
     each."""
@@ -486,7 +486,7 @@ def _clear(value: object) -> object:
 class Delivery(ItemLoad):
     """Items that are brought during a run: loads on the table, single items on a belt, full totes.
 
-    For a belt the load is the mixture of single items, over the whole of the belt's top.
+    On a belt the load consists of single items of the mixture, over the whole width and length of the belt.
     """
 
     one_of: ClassVar[tuple[str, ...]] = ("area", "belt", "into")

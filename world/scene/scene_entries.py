@@ -293,7 +293,7 @@ def _unit(vector: Array) -> Array:
 
 
 def kind(check: DocumentChecker, name: str, entry: CatalogueFile) -> CatalogueEntry | None:
-    """Return a kind of the catalogue; None when it has faults."""
+    """Return a kind in the scene's catalogue; None when it has faults."""
     loc: Location = ("catalogue", name)
     form = check.one_of(loc, CatalogueFile.one_of)
     if name in RESERVED_KINDS:
