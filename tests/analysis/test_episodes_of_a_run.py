@@ -39,6 +39,13 @@ def test_the_summary_and_the_log_agree(troubled_log: Path) -> None:
     assert [each.cause for each in by_cause(result.cures)] == ["grasp.missed", "world.unknown_object"]
 
 
+def test_outcomes_of_failures_are_recorded_while_the_run_continues(troubled_log: Path) -> None:
+    with Run(troubled_log) as run:
+        decided = [at for at in run.events if isinstance(at.record, event_types.FailureDecidedEvent)]
+        assert len(decided) == len(run.failures) > 0
+        assert all(at.record.time <= at.time < run.last_tick for at in decided)
+
+
 @pytest.mark.parametrize("lost", [0.0, 2.0, 5.0, 1000.0])
 def test_decisions_that_a_log_lacks_follow_from_its_ticks(troubled_log: Path, lost: float) -> None:
     """Decisions before `lost` (simulated s) are taken out of the log, as damage does."""
