@@ -13,7 +13,9 @@ from picktree.robot.perception import (
     BinView,
     HeldView,
     ObservationSummary,
+    PerceivedView,
     Perception,
+    PictureMemory,
     TrackedSighting,
     depth_noise,
     noise_factor,
@@ -65,10 +67,47 @@ class CapturedImage:
     """Held object as believed at the time of capture; None: the hand was empty."""
 
 
+FITS_PER_TICK = 4
+"""Number of fits in a tick after which the evaluation of an image is continued in the next one while the arm
+moves."""
+
+
+class Look:
+    """Image whose evaluation is in progress. `advance` it once in each tick until it is `done`, then merge it
+    by `Vision.merge`."""
+
+    def __init__(
+        self, shot: CapturedImage, work: Generator[int, None, PerceivedView], stopwatch: Stopwatch
+    ) -> None:
+        self.shot = shot
+        self.view: PerceivedView | None = None
+        """Result; None while the evaluation is in progress."""
+        self._work = work
+        self._stopwatch = stopwatch
+        self._fits = 0
+
+    @property
+    def done(self) -> bool:
+        return self.view is not None
+
+    def advance(self, fits: float = FITS_PER_TICK) -> None:
+        """Evaluate the image further, until so many more fits were computed or the evaluation is done."""
+        if self.done:
+            return
+        until = self._fits + fits
+        with self._stopwatch.measure("perception"):
+            try:
+                while self._fits < until:
+                    self._fits = next(self._work)
+            except StopIteration as done:
+                self.view = done.value
+
+
 class Vision:
     """Cameras of the cell, and the latest view of each bin.
 
     `joints` and `width` give the arm's configuration (n,) rad and the opening m: the robot masks itself.
+    While the arm is not `at_rest`, the evaluation of an image is spread over several ticks.
     """
 
     def __init__(
@@ -82,6 +121,7 @@ class Vision:
         cost: float,
         joints: Callable[[], Array],
         width: Callable[[], float],
+        at_rest: Callable[[], bool] = lambda: True,
         stopwatch: Stopwatch | None = None,
     ) -> None:
         self._cameras = cameras
@@ -94,8 +134,11 @@ class Vision:
         """Simulated time charged for the processing of one image, s."""
         self._joints = joints
         self._width = width
+        self._at_rest = at_rest
         self._stopwatch = stopwatch or Stopwatch()
         self._still = frozenset(cameras) - perceive.moving
+        self.memories = {name: PictureMemory() for name in self._still}
+        """Memory of the pictures of each fixed camera; part of the state."""
         self._last: dict[str, RgbdImage] = {}
         """Last image of each camera; of one that repeats itself, the first of these. No part of the state."""
         self.bins: dict[str, BinView] = {}
@@ -145,20 +188,39 @@ class Vision:
         self._journal.note(ImageEntry(shot.image, held))
         return seen
 
-    def observe(self, camera: str) -> Generator[None, None, ObservationSummary]:
+    def observe(self, camera: str, *, fresh: bool = False) -> Generator[None, None, ObservationSummary]:
         """Observe with `camera`; the belief changes after the charged time. All objects that are not set
-        aside are recognised again.
+        aside are recognised again; with `fresh` these are, too.
 
         Raises Failure: perception.not_found for an unknown camera, perception.no_image when a few frames
         bring no new image.
         """
         shot = yield from self._patiently(lambda: self.capture_now(camera))
-        yield from self._charge()
-        return self.observe_image(shot, [o for o in self._scene.objects if o.place == world_facts.ASIDE])
+        if fresh and camera in self.memories:
+            self.memories[camera].forget()
+        look = self.begin(shot, [o for o in self._scene.objects if o.place == world_facts.ASIDE])
+        self._thinking.spend(self.cost)
+        for _ in self._thinking.charge():
+            look.advance()
+            yield
+        while not look.done:
+            if self._at_rest():
+                look.advance(math.inf)
+            else:
+                look.advance()
+                yield
+        return self.merge(look)
+
+    def begin(self, shot: CapturedImage, known: Sequence[BeliefObject]) -> Look:
+        """Begin to evaluate an image in the present belief. Objects that are `known` are looked for where
+        they are believed, and recognised only where they do not fit."""
+        memory = self.memories.get(shot.image.camera)
+        work = self._perceive.understand(shot.image, shot.joints, shot.width, shot.held, known, memory)
+        return Look(shot, work, self._stopwatch)
 
     def capture_now(self, camera: str) -> CapturedImage:
         """Capture an image with `camera`. Nothing is charged, and the belief does not change before
-        `observe_image`; the caller defers that until the charged time has passed.
+        `merge`; the caller defers that until the charged time has passed.
 
         Raises Failure(perception.not_found) for an unknown camera, and Failure(perception.no_image) for a
         frame that is missing, old, repeated, or far noisier than usual.
@@ -203,17 +265,17 @@ class Vision:
         self._last[image.camera] = image
         return False
 
-    def observe_image(self, shot: CapturedImage, known: Sequence[BeliefObject] = ()) -> ObservationSummary:
-        """Run perception on an image and merge the result into the belief, for the time of its capture.
-
-        Objects that are `known` are looked for where they are believed, and recognised only where they do
-        not fit.
-        """
+    def merge(self, look: Look) -> ObservationSummary:
+        """Merge the result of a look into the belief, for the time of its capture."""
+        shot, view = look.shot, look.view
+        assert view is not None
         image = shot.image
         with self._stopwatch.measure("perception"):
-            view = self._perceive.detect(image, shot.joints, shot.width, shot.held, known)
             held = None if shot.held is None else shot.held.pose
             summary = update_belief(self._scene, view, shot.stamp, held)
+            memory = self.memories.get(image.camera)
+            if memory is not None:
+                memory.keep(view, {n: self._scene.get(name) for n, name in summary.objects.items()})
         for name, seen in view.bins.items():
             still = image.camera in self._still
             self.bins[str(name)] = seen if still else seen.over(self.bins.get(str(name)))
@@ -222,7 +284,8 @@ class Vision:
             self.heaps[str(name)] = update_heap(self._scene, region, heap, former, shot.stamp)
         self.observations += 1
         self.newest = max(self.newest, shot.stamp)
-        findings = tuple(f"{d.colour} {d.kind}" for d in view.detections)
+        confirmed = (o for o in self._scene.objects if o.id in view.confirmed)
+        findings = tuple(f"{d.colour} {d.kind}" for d in (*confirmed, *view.detections))
         self._journal.note(ImageEntry(image, findings))
         return summary
 

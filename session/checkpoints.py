@@ -15,7 +15,7 @@ from picktree.logs import Digest, log_records
 from picktree.logs.recording import RecordingState
 from picktree.robot import World
 from picktree.robot.control import ControlLoopState, FollowedPath, GripperProgress
-from picktree.robot.perception import BinView
+from picktree.robot.perception import BinView, PictureMemory, PictureState
 from picktree.simulation import FaultInjector, FaultState, Simulation, checkpoints
 from picktree.trees import BehaviourTree
 from picktree.world import SceneSnapshot, heap_geometry, world_facts
@@ -72,6 +72,8 @@ class RunState:
     """Refusals of `AttemptMemory`."""
     heaps: Mapping[str, heap_geometry.Heap] = field(default_factory=dict[str, heap_geometry.Heap])
     """Last seen heaps of the totes."""
+    pictures: Mapping[str, PictureState] = field(default_factory=dict[str, PictureState])
+    """Memory of the pictures of each fixed camera."""
 
     def to_json(self) -> bytes:
         return checkpoints.json_bytes(self)
@@ -126,6 +128,7 @@ def take_checkpoint(
         noticed=world.noticed.state(),
         refusals=dict(world.attempts.refusals),
         heaps=dict(world.vision.heaps),
+        pictures={name: memory.state() for name, memory in world.vision.memories.items()},
     )
 
 
@@ -153,6 +156,8 @@ def restore_checkpoint(world: World, state: RunState) -> None:
     world.noticed.restore(state.noticed)
     world.vision.observations = state.looks
     world.vision.heaps = dict(state.heaps)
+    for name, picture in state.pictures.items():
+        world.vision.memories[name] = PictureMemory.from_state(picture)
     world.vision.bins = {
         name: BinView(np.array([[math.nan if h is None else h for h in row] for row in rows]))
         for name, rows in state.bins_seen.items()

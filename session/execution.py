@@ -111,6 +111,7 @@ def assemble_world(
         scene.thinking.image,
         joints=lambda: control.state.position,
         width=lambda: gripper.width,
+        at_rest=lambda: control.at_rest,
         stopwatch=watch,
     )
     return World(

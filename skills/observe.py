@@ -29,6 +29,11 @@ class Observe(Skill):
     expect: In[ObjectId] = port(
         "object that must be in view, else the node fails; without it, any view will do", default=ObjectId("")
     )
+    fresh: In[bool] = port(
+        "whether everything in the image is recognised anew, also objects that were set aside and have not "
+        "changed since",
+        default=False,
+    )
     objects: Out[list[ObjectId]] = port(
         "ids of the items outside their destination, in the order in which to take them"
     )
@@ -39,7 +44,7 @@ class Observe(Skill):
         yield from world.control.settle()
         bin_belief.apply_bin_exchanges(world, self.path)
         world.noticed.deliveries = world.feed.read().deliveries
-        summary = yield from world.vision.observe(self.camera)
+        summary = yield from world.vision.observe(self.camera, fresh=self.fresh)
         for gone in summary.removed:
             world.attempts.forget(gone)
         if self.expect and self.expect not in summary.seen:

@@ -9,7 +9,7 @@ from picktree.trees import Decorator, In, NodeStatus, Resource, control_flow, po
 from picktree.world import Failure, Plain, perception
 
 if TYPE_CHECKING:
-    from picktree.robot import CapturedImage
+    from picktree.robot import Look
     from picktree.trees import TreeWorld
 
 SETTLE_TIME = 0.5
@@ -57,7 +57,7 @@ class WatchScene(Decorator):
     _held: str = ""
     _width: float = 0.0
     _seen: float = 0.0
-    _pending: CapturedImage | None = None
+    _pending: Look | None = None
 
     def on_start(self) -> None:
         self._next = self._seen = self.world.clock.now
@@ -90,18 +90,21 @@ class WatchScene(Decorator):
             self._next = max(self._next, now + (TAKING_TIME if taken else SETTLE_TIME))
         self._held, self._width = held, width
         pending = self._pending
-        if pending is not None and now >= pending.stamp + world.vision.cost - _TIME_TOLERANCE:
-            self._pending = None
-            if pending.stamp > world.vision.newest:
-                for gone in world.vision.observe_image(pending, world.scene.objects).removed:
-                    world.attempts.forget(gone)
+        if pending is not None:
+            pending.advance()
+            if pending.done and now >= pending.shot.stamp + world.vision.cost - _TIME_TOLERANCE:
+                self._pending = None
+                if pending.shot.stamp > world.vision.newest:
+                    for gone in world.vision.merge(pending).removed:
+                        world.attempts.forget(gone)
         if self._pending is None and now >= self._next - _TIME_TOLERANCE:
             self._next = now + self.every
             self._look(world, now)
 
     def _look(self, world: World, now: float) -> None:
         try:
-            self._pending = world.vision.capture_now(self.camera)
+            shot = world.vision.capture_now(self.camera)
+            self._pending = world.vision.begin(shot, world.scene.objects)
         except Failure as failure:
             if failure.cause is not perception.NO_IMAGE or now - self._seen > self.blind:
                 self.body.halt()

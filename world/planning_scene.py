@@ -200,6 +200,12 @@ class PlanningScene:
         """Set the object's mass, kg; no new version: nothing that plans depend on is new."""
         self._objects[ObjectId(object_id)] = replace(self.get(object_id), mass=mass)
 
+    def confirm(self, names: Iterable[ObjectId], now: float) -> None:
+        """Set the time at which these objects were last seen, where they are believed, to `now`, s; no new
+        version: nothing new is known."""
+        for name in names:
+            self._objects[name] = replace(self.get(name), last_seen=now)
+
     @contextmanager
     def allow(self, *pairs: tuple[str, str]) -> Generator[None]:
         """Allow collisions between pairs of names (ids, `gripper`, `arm`) meanwhile."""

@@ -978,6 +978,7 @@ class Observe(Node):
     Ports:
         camera: the camera to look through; default overhead.
         expect: object that must be in view, else the node fails; without it, any view will do.
+        fresh: whether everything in the image is recognised anew, also objects that were set aside and have not changed since; default False.
         objects: ids of the items outside their destination, in the order in which to take them. Output: the key to write, as '{objects}'.
     """
 
@@ -986,6 +987,7 @@ class Observe(Node):
         *,
         camera: str = ...,
         expect: str = ...,
+        fresh: bool | str = ...,
         objects: str = ...,
         name: str = ...,
         **conditions: Unpack[Conditions],

@@ -165,7 +165,8 @@ class CandidateSearch:
     def find(self, *, speed: float = 1.0, gently: bool = False) -> Doing[PickPlaceCandidate | None]:
         """Return the next candidate that passes all tests, with its approach planned; None when none is left.
 
-        Thinking is charged, and each result is written to the journal with the trail so far. `speed`: share
+        Thinking is charged: owed ticks pass between the tests. Each result is written to the journal with the
+        trail so far. `speed`: share
         of the joints' speed limits; `gently`: the approach is slow. Fails with planning.start_in_collision
         when the arm starts in collision.
         """
@@ -174,6 +175,7 @@ class CandidateSearch:
             if branch.test is not None:
                 for other in branch.test(branch):
                     self._push(other)
+                yield from self._world.plan.charge()
                 continue
             found = yield from self._approach(branch, speed, gently=gently)
             if found is not None:

@@ -332,7 +332,7 @@ def push_to_goal(
             return
         if not left:
             break
-        one = _choose_stroke(world, belief, goal, left, progress.blocked_sides)
+        one = yield from _choose_stroke(world, belief, goal, left, progress.blocked_sides)
         pushed = yield from execute_stroke(world, belief, one, task.speed, task.force, task.node)
         progress.strokes.append(f"{one.stroke.name}: {pushed.summary}")
         yield from step_back(world, (task.object,), task.node)
@@ -363,9 +363,9 @@ def _remaining_error(belief: BeliefObject, goal: PushGoal) -> tuple[float, float
 
 def _choose_stroke(
     world: World, belief: BeliefObject, goal: PushGoal, left: int, blocked_sides: set[str]
-) -> FeasibleStroke:
-    """Return the best stroke that is free and feasible. `left`: number of strokes left. Raises
-    push.no_stroke."""
+) -> Doing[FeasibleStroke]:
+    """Return the best stroke that is free and feasible; owed thinking passes between the tests. `left`:
+    number of strokes left. Raises push.no_stroke."""
     at = planar_geometry.planar(belief.shape, belief.pose)
     longest = max(MAX_STROKE_LENGTH, 2.0 * at.distance(planar_geometry.PlanarPose(goal.x, goal.y)) / left)
     why: list[str] = []
@@ -384,6 +384,7 @@ def _choose_stroke(
                 return answer
             refusal = answer
         why.append(f"{stroke.name}: {refusal}")
+        yield from world.plan.charge()
     reasons = "; ".join(why[:4]) or "no side can be pushed that way"
     raise Failure(
         push.NO_STROKE,
@@ -444,7 +445,7 @@ def make_room(world: World, task: PushTask) -> Doing[None]:
             return
         if not left:
             break
-        one, feasible = _choose_singulation(world, task, target)
+        one, feasible = yield from _choose_singulation(world, task, target)
         world.attempts.failed(task.node, name, one.name)
         pushed = yield from execute_stroke(
             world, one.pushed, feasible, task.speed, task.force, task.node, one.there
@@ -467,8 +468,9 @@ def _look(world: World, task: PushTask) -> Doing[None]:
 
 def _choose_singulation(
     world: World, task: PushTask, target: BeliefObject
-) -> tuple[SingulationPush, FeasibleStroke]:
-    """Return the best feasible push; pushes that were made before come last. Raises push.no_stroke."""
+) -> Doing[tuple[SingulationPush, FeasibleStroke]]:
+    """Return the best feasible push; pushes that were made before come last. Owed thinking passes between
+    the tests. Raises push.no_stroke."""
     refused = world.attempts.refusal(world_facts.PUSH, target, world.scene)
     if refused is not None:
         message = f"{refused}; nothing has changed around it since"
@@ -480,6 +482,7 @@ def _choose_singulation(
         if isinstance(answer, FeasibleStroke):
             return one, answer
         why.append(f"{one.name}: {answer}")
+        yield from world.plan.charge()
     reasons = "; ".join(why[:4]) or "no push that is free would do"
     message = f"no stroke makes room for the hand around {target.id}: {reasons}"
     if not offered:

@@ -500,7 +500,7 @@ def _begin(world: World, task: HeapPickTask, heap: ObjectId) -> Doing[tuple[Heap
     """
     refused: Failure | None = None
     for _ in range(MAX_TRIED_STARTS):
-        one, over, flipped = _choose(world, task)
+        one, over, flipped = yield from _choose(world, task)
         world.attempts.failed(task.node, heap, one.name)
         opening = _opening(world, one)
         start = one.tcp_at(0.0, world.robot.fingers.reach(opening), flipped)
@@ -516,9 +516,10 @@ def _begin(world: World, task: HeapPickTask, heap: ObjectId) -> Doing[tuple[Heap
     raise refused
 
 
-def _choose(world: World, task: HeapPickTask) -> tuple[HeapStroke, Array, bool]:
+def _choose(world: World, task: HeapPickTask) -> Doing[tuple[HeapStroke, Array, bool]]:
     """Return the best stroke that the arm can follow, with the configuration (n,) above its start, and
-    whether the hand is flipped. Strokes that were made in vain come last. Raises push.no_stroke."""
+    whether the hand is flipped. Strokes that were made in vain come last, and owed thinking passes between
+    the tests. Raises push.no_stroke."""
     offered = heap_strokes(world.vision.heaps[task.tote].map, world.robot.description.gripper)
     fresh = world.attempts.remaining(task.node, heap_geometry.heap_id(task.tote), offered)
     why: list[str] = []
@@ -534,6 +535,7 @@ def _choose(world: World, task: HeapPickTask) -> tuple[HeapStroke, Array, bool]:
                 return one, over, flipped
             refusals.append(over)
         why.append(f"{one.name}: {refusals[0]}")
+        yield from world.plan.charge()
     reasons = "; ".join(why[:4]) or "the hand has no room beside anything"
     raise Failure(
         push.NO_STROKE,

@@ -4,8 +4,8 @@ hidden or removed."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -15,6 +15,7 @@ from picktree.world import FALLEN_SIGMA, BeliefObject, ObjectId, PlanningScene, 
 
 from .obstacle_volumes import (
     Keys,
+    bodies_near,
     cell_centres,
     cells_in_body,
     cells_of,
@@ -22,7 +23,7 @@ from .obstacle_volumes import (
     retained_cells,
     update_volumes,
 )
-from .view import Detection, PerceivedView, UnexplainedPatch
+from .view import CERTAIN_CONFIDENCE, Detection, PerceivedView, UnexplainedPatch
 
 if TYPE_CHECKING:
     from scipy.optimize import linear_sum_assignment
@@ -45,8 +46,6 @@ MIN_CONFIDENCE_SHARE = 0.8
 """Share of the belief's confidence below which a detection sees the object worse than before."""
 HELD_DISTANCE = 0.06
 """Distance from the held object within which a detection of its colour is the held object, m."""
-CERTAIN_CONFIDENCE = 0.6
-"""Confidence from which a detection is an object of its own, even next to hidden objects."""
 MIN_SHARE_IN_VOLUME = 0.6
 """Least share of a detection's cells in those of an obstacle for which it may be a part of that obstacle. An
 item that leans on an obstacle or is close to it has a smaller share."""
@@ -76,6 +75,8 @@ class ObservationSummary:
     """Believed items that were neither recognised nor seen missing."""
     unexplained: int
     """Number of obstacles in the view."""
+    objects: Mapping[int, ObjectId] = field(default_factory=dict[int, ObjectId], compare=False)
+    """Object of each detection that is one, by the detection's index in the view."""
 
 
 def update_belief(
@@ -88,7 +89,7 @@ def update_belief(
     Objects keep their ids: they are matched first by place, then by kind for objects that left their place.
     An attached object is not touched. An item is removed only when its place is clearly seen to be empty, or
     when it was given up at a merely supposed place. A detection at the place of a given-up item is that item
-    in any colour: a camera may mistake the colour.
+    in any colour: a camera may mistake the colour. Confirmed objects are seen where they are believed.
     """
     held = scene.held
     if held is not None and held_at is not None:
@@ -99,6 +100,10 @@ def update_belief(
         if held is None or d.colour != held.colour or held.pose.distance(d.pose) >= HELD_DISTANCE
     ]
     items = [o for o in scene.objects if o.role == "item" and not o.attached]
+    unchanged = set(view.confirmed)
+    confirmed = [o.id for o in items if o.id in unchanged]
+    items = [o for o in items if o.id not in unchanged]
+    scene.confirm(confirmed, now)
     volumes = [o for o in scene.objects if o.role == "obstacle" and not o.attached]
     detections = _outside_volumes(detections, items, volumes, view)
     matched = _assignment(items, detections, _nearness)
@@ -125,11 +130,16 @@ def update_belief(
             belief = _belief_from(scene.new_id(f"{detection.colour}_{detection.kind}"), detection, now)
             scene.put(belief, "seen for the first time")
             new.append(belief.id)
+            matched[belief.id] = detection
     unrecognised = [*hidden, *([held] if held else [])]
     obstacles = [patch for patch in view.unexplained if not _part_of_items(patch, view, unrecognised)]
-    seen = (*(o.id for o in items if o.id in matched), *new)
+    seen = (*confirmed, *(o.id for o in items if o.id in matched), *new)
     removed += update_volumes(scene, view, obstacles, [scene.get(name) for name in seen], now)
-    return ObservationSummary(seen, tuple(new), tuple(removed), tuple(o.id for o in hidden), len(obstacles))
+    index = {id(d): n for n, d in enumerate(view.detections)}
+    objects = {index[id(d)]: name for name, d in matched.items()}
+    return ObservationSummary(
+        seen, tuple(new), tuple(removed), tuple(o.id for o in hidden), len(obstacles), objects
+    )
 
 
 def _assignment(
@@ -195,7 +205,7 @@ def _outside_volumes(
         cells = cells_of(volume)
         within = [
             d
-            for d in detections
+            for d in bodies_near(cells, detections, VOLUME_MARGIN)
             if _share_within(cells_in_body(d.shape, d.pose), cells) > MIN_SHARE_IN_VOLUME
             and not any(math.isfinite(_nearness(o, d)) for o in items)
         ]

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Generator, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TypeAlias, TypeVar
 
 import cv2
 import numpy as np
@@ -93,6 +94,18 @@ class Hypothesis:
         return 0.5 * self.weight * self.misfit
 
 
+T = TypeVar("T")
+Fitting: TypeAlias = Generator[None, None, T]
+"""Computation that yields after each fit of a body to a blob."""
+
+
+@dataclass(eq=False)
+class FitCount:
+    """Number of fits that were computed."""
+
+    fits: int = 0
+
+
 @dataclass(frozen=True, eq=False)
 class ItemFitter:
     """Fits of stable poses to blobs. `noise` is the depth's standard deviation at 0.7 m, m; `model` is added
@@ -102,20 +115,22 @@ class ItemFitter:
     sight: PosedCamera
     noise: float
     model: float = MODEL_DEPTH_SIGMA
+    count: FitCount = field(default_factory=FitCount)
 
     def explain(
         self, blob: Blob, support: float, content: float = GOOD_MISFIT, hover: float = MAX_HOVER_HEIGHT
-    ) -> list[Hypothesis]:
+    ) -> Fitting[list[Hypothesis]]:
         """Return hypotheses for the blob, best first, at most one for each entry and manner of support.
 
         `support` is the height under the blob in the world, m. When no item on the support has a misfit below
         `content`, items that lie on others are tried, too, up to `hover` m above it.
         """
-        found = self._fits(blob, support, True, hover)
+        found = yield from self._fits(blob, support, True, hover)
         if all(f.misfit > content for f in found):
-            found += self._fits(blob, support, False, hover)
+            found += yield from self._fits(blob, support, False, hover)
         if blob.whole and all(f.misfit > LEANING_MISFIT for f in found):
-            found += replace(self, rests=self.leaning)._fits(blob, support, False, hover, MAX_LEANING_DROP)
+            leaning = replace(self, rests=self.leaning)
+            found += yield from leaning._fits(blob, support, False, hover, MAX_LEANING_DROP)
         found.sort(key=_rank)
         best: dict[tuple[str, bool], Hypothesis] = {}
         for one in found:
@@ -154,7 +169,7 @@ class ItemFitter:
 
     def _fits(
         self, blob: Blob, support: float, supported: bool, hover: float, sink: float = HEIGHT_GATE
-    ) -> list[Hypothesis]:
+    ) -> Fitting[list[Hypothesis]]:
         starts: list[tuple[float, StandingPose]] = []
         origin, ray = self.sight.origin, self.sight.directions(blob.middle[None])[0]
         for rest in self.rests:
@@ -168,7 +183,7 @@ class ItemFitter:
             stand = StandingPose(rest, np.array((x, y, below + rest.below)), 0.0)
             if self._fits_in_size(blob, stand):
                 starts += self._starts(blob, stand)
-        return self._best(blob, starts, supported)
+        return (yield from self._best(blob, starts, supported))
 
     def _fits_in_size(self, blob: Blob, stand: StandingPose) -> bool:
         """Whether the area of the blob can be that of the silhouette at this pose."""
@@ -181,7 +196,7 @@ class ItemFitter:
 
     def _best(
         self, blob: Blob, starts: list[tuple[float, StandingPose]], supported: bool
-    ) -> list[Hypothesis]:
+    ) -> Fitting[list[Hypothesis]]:
         """Fit the starts, the likeliest first, until the remaining ones cannot be better."""
         if blob.whole:
             gate = max(OUTLINE_GATE, LARGE_GATE * math.sqrt(blob.area))
@@ -197,6 +212,7 @@ class ItemFitter:
             if found and min(f.misfit for f in found) < GOOD_MISFIT and score > 1.5 * ranked[0][0] + 0.7:
                 break
             found.append(self._judge(blob, stand, supported, FIT_ROUNDS))
+            yield
         return found
 
     def _starts(self, blob: Blob, stand: StandingPose) -> list[tuple[float, StandingPose]]:
@@ -219,6 +235,7 @@ class ItemFitter:
         return moved
 
     def _judge(self, blob: Blob, start: StandingPose, supported: bool, rounds: int) -> Hypothesis:
+        self.count.fits += 1
         fitted = fit_outline(self.sight, blob.outline, start, rounds)
         depth, off = self._depth_misfit(blob, fitted.stand)
         if not supported and len(off):
@@ -358,8 +375,8 @@ class BlobPart:
 
 def split_blob(
     picture: SegmentationInput, fitter: ItemFitter, blob: Blob, support: float, misfit: float, most: int
-) -> list[BlobPart] | None:
-    """Split the blob into at most `most` items. None when no split explains it clearly better than
+) -> Fitting[list[BlobPart] | None]:
+    """Split the blob into at most `most` items. Returns None when no split explains it clearly better than
     `misfit`."""
     convex = notches(picture, blob) < MAX_NOTCHES
     limit = MAX_SPLIT_MISFIT_SHARE * misfit
@@ -369,7 +386,7 @@ def split_blob(
     best: list[BlobPart] | None = None
     for count in range(2, min(most, fitter.max_count(blob)) + 1):
         for cut in _cuts(picture, blob, count):
-            parts = fitting.refined(cut, limit)
+            parts = yield from fitting.refined(cut, limit)
             if parts is None or _misfit(parts) > limit or (convex and not _are_flush(parts)):
                 continue
             best, limit = parts, 0.9 * _misfit(parts)
@@ -426,9 +443,9 @@ class _CutFitting:
     support: float
     """Height of the support under the blob, m."""
 
-    def refined(self, cut: NDArray[np.intp], limit: float) -> list[BlobPart] | None:
+    def refined(self, cut: NDArray[np.intp], limit: float) -> Fitting[list[BlobPart] | None]:
         """Fit the parts of a cut and move its borders. None when that cannot come to a misfit of `limit`."""
-        parts = self._fitted(cut, MAX_REFINEMENT * limit)
+        parts = yield from self._fitted(cut, MAX_REFINEMENT * limit)
         for _ in range(2):
             if parts is None:
                 return None
@@ -437,13 +454,13 @@ class _CutFitting:
             if (shared == cut).all():
                 break
             cut = shared
-            again = self._fitted(cut, _misfit(parts))
+            again = yield from self._fitted(cut, _misfit(parts))
             if again is None:
                 break
             parts = again
         return parts if parts is not None and _are_distinct(parts) else None
 
-    def _fitted(self, cut: NDArray[np.intp], limit: float) -> list[BlobPart] | None:
+    def _fitted(self, cut: NDArray[np.intp], limit: float) -> Fitting[list[BlobPart] | None]:
         """Return each part's hypotheses. None when a part is too small or fits nothing, or when the parts
         together have a misfit above `limit`: the first of them may be enough for that."""
         rows, columns = self.blob.patch.rows, self.blob.patch.columns
@@ -455,9 +472,9 @@ class _CutFitting:
         left = limit * sum(len(piece.outline.points) + piece.measured for piece in pieces)
         parts: list[BlobPart] = []
         for piece in pieces:
-            hypotheses = (
-                self.fitter.explain(piece, self.support, MIN_STACKED_MISFIT) if piece.measured else []
-            )
+            hypotheses: list[Hypothesis] = []
+            if piece.measured:
+                hypotheses = yield from self.fitter.explain(piece, self.support, MIN_STACKED_MISFIT)
             if not hypotheses or hypotheses[0].misfit > MAX_PART_MISFIT:
                 return None
             left -= hypotheses[0].misfit * hypotheses[0].weight

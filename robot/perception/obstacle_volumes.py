@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 import cv2
 import numpy as np
@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from picktree.world import (
     Array,
     BeliefObject,
+    Body,
     Box,
     ObjectId,
     ObstacleBlock,
@@ -47,6 +48,7 @@ SAME_OBSTACLE_DISTANCE = 0.05
 CELL_SIZE: Array = np.array([0.01, 0.01, 0.02])
 """Edge lengths of a cell, m; the world's origin is a corner of one."""
 HALF_DIAGONAL = float(np.linalg.norm(CELL_SIZE)) / 2
+AnyBody = TypeVar("AnyBody", bound=Body)
 Keys: TypeAlias = NDArray[np.int64]
 """Cells, each packed into one number; sorted, without duplicates."""
 Indices: TypeAlias = NDArray[np.int64]
@@ -526,8 +528,23 @@ def _hidden_parts(scene: PlanningScene, view: PerceivedView, new: Keys, former: 
     return _outside_items(unseen_cells(view, fresh), items) if len(fresh) else NO_CELLS
 
 
+def bodies_near(cells: Keys, bodies: Iterable[AnyBody], margin: float) -> list[AnyBody]:
+    """Return the bodies that may contain a cell within `margin` m, by their bounding spheres."""
+    if not len(cells):
+        return []
+    points = cell_centres(cells)
+    low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
+
+    def may_touch(body: Body) -> bool:
+        radius = float(np.linalg.norm(np.maximum(*np.abs(extents(body.shape, np.eye(3))))))
+        at = np.array(body.pose.position)
+        return bool((at + radius >= low).all() and (at - radius <= high).all())
+
+    return [body for body in bodies if may_touch(body)]
+
+
 def _outside_items(cells: Keys, items: Sequence[BeliefObject]) -> Keys:
-    for item in items:
+    for item in bodies_near(cells, items, ITEM_MARGIN):
         cells = cells[~inside(item.shape, item.pose, cell_centres(cells), ITEM_MARGIN)]
     return cells
 
@@ -535,7 +552,7 @@ def _outside_items(cells: Keys, items: Sequence[BeliefObject]) -> Keys:
 def _unless_item(cells: Keys, items: Sequence[BeliefObject]) -> Keys:
     """Return no cells when they were a recognised item: cells that it hides now are not kept."""
     points = cell_centres(cells)
-    for item in items:
+    for item in bodies_near(cells, items, float(CELL_SIZE[0])):
         if inside(item.shape, item.pose, points, float(CELL_SIZE[0])).mean() > MIN_ITEM_SHARE:
             return NO_CELLS
     return cells

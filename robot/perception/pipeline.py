@@ -5,7 +5,7 @@ are reported as unexplained.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -28,6 +28,7 @@ from .item_fitting import (
     MODEL_DEPTH_SIGMA,
     POOR_MISFIT,
     POOR_MISFIT_IN_BIN,
+    Fitting,
     Hypothesis,
     ItemFitter,
     detection_from,
@@ -42,6 +43,7 @@ from .known_object_fitting import (
     track_objects,
 )
 from .obstacle_volumes import MIN_RAISED_DEPTH, bounding_box_of, points_of, unexplained_patches
+from .picture_memory import PictureMemory, UnchangedContents
 from .resting_poses import catalogue_poses
 from .robot_mask import ATTACHED_HEIGHT, RobotMask, RobotShape, add_attached_parts, held_part
 from .segmentation import (
@@ -53,7 +55,7 @@ from .segmentation import (
     downsample,
     outline_patch,
 )
-from .view import Detection, PerceivedView, UnexplainedPatch
+from .view import CERTAIN_CONFIDENCE, Detection, PerceivedView, RecognisedPatch, UnexplainedPatch
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +105,7 @@ MAX_POSITION_SIGMA = 0.012
 
 class Perception:
     """Perception of one scene: its fixtures, bins, cameras and catalogue, and the robot's shape. Between
-    pictures it keeps nothing but the cameras' views of the empty scene."""
+    pictures it keeps nothing but the cameras' views of the empty scene; see `PictureMemory`."""
 
     def __init__(
         self, description: SceneDescription, robot: RobotShape, table_z: float | None = None
@@ -135,15 +137,38 @@ class Perception:
         held: BeliefObject | None,
         known: Sequence[BeliefObject] = (),
     ) -> PerceivedView:
-        """Return the view in a picture, taken with the arm at `joints` (n,) rad and the fingers `width` m
-        open.
+        """Return the view in a picture, see `understand`."""
+        work = self.understand(image, joints, width, held, known)
+        while True:
+            try:
+                next(work)
+            except StopIteration as done:
+                return done.value
+
+    def understand(
+        self,
+        image: RgbdImage,
+        joints: Array,
+        width: float,
+        held: BeliefObject | None,
+        known: Sequence[BeliefObject] = (),
+        memory: PictureMemory | None = None,
+    ) -> Generator[int, None, PerceivedView]:
+        """Compute the view in a picture, taken with the arm at `joints` (n,) rad and the fingers `width` m
+        open. Yields the number of fits so far, after each part of the work.
 
         A patch that one of the `known` objects fits near its believed pose is that object. All others are
-        recognised.
+        recognised, except those that have not changed since the `memory` of this camera understood them.
         """
         shot = self._shot(image, joints, width, held)
         picture, finding = shot.picture, _Finding(self, shot, known)
-        finding.items()
+        yield 0
+        unchanged = UnchangedContents()
+        if memory is not None and not shot.moving:
+            unchanged = memory.compare(picture, shot.noise, known, image.stamp)
+            finding.unexplained += unchanged.unexplained
+        for _ in finding.items(unchanged):
+            yield finding.fitter.count.fits
         finding.things()
         bins = {b.id: bin_height_map(picture, shot.robot, b, shot.noise) for b in self._description.bins}
         return PerceivedView(
@@ -160,6 +185,8 @@ class Perception:
             self._floors.supports,
             lambda points, distance: self._robot.within(points, joints, width, held_part(held), distance),
             {} if shot.moving else map_heaps(picture, shot.robot, self._description, image.colour),
+            unchanged.seen,
+            tuple(finding.recognised),
         )
 
     def track(
@@ -262,11 +289,15 @@ class _Finding:
         self.moving = shot.moving
         self.detections: list[Detection] = []
         self.unexplained: list[UnexplainedPatch] = []
+        self.recognised: list[RecognisedPatch] = []
 
-    def items(self) -> None:
-        """Fit the coloured patches. Patches that fit nothing become boxes."""
+    def items(self, unchanged: UnchangedContents) -> Iterator[None]:
+        """Fit the coloured patches beside the `unchanged` ones; yield after each part of the work. Patches
+        that fit nothing become boxes."""
         picture = self.picture
         usable = (picture.label > 0) & ~picture.blocked
+        for patch in unchanged.patches:
+            usable[patch.rows, patch.columns] = False
         if self.backdrop.label.any():
             usable &= self._is_more_than_paint()
         present = np.flatnonzero(np.bincount(picture.label[usable], minlength=len(segmentation.LABEL_NAMES)))
@@ -277,7 +308,27 @@ class _Finding:
         ]
         for patch in patches:
             if patch.measured >= 4:
-                self._item(patch)
+                found, boxed = len(self.detections), len(self.unexplained)
+                yield from self._item(patch)
+                self._note(patch, found, boxed)
+                yield
+
+    def _note(self, patch: PixelPatch, found: int, boxed: int) -> None:
+        """Record that the patch was recognised; its contents are those after the first `found` detections and
+        `boxed` boxes."""
+        detections = range(found, len(self.detections))
+        self.recognised.append(
+            RecognisedPatch(
+                patch.rows,
+                patch.columns,
+                patch.label,
+                patch.top,
+                tuple(detections),
+                tuple(self.unexplained[boxed:]),
+                all(self.detections[n].confidence >= CERTAIN_CONFIDENCE for n in detections),
+                not self._is_beside_robot(patch),
+            )
+        )
 
     def _is_more_than_paint(self) -> NDArray[np.bool_]:
         """Select pixels that are more than paint: of another colour than the background, or raised from it.
@@ -317,7 +368,7 @@ class _Finding:
         x, y = self.picture.sight.at_height(middle, height)
         return self.perception.floor(float(x), float(y), height + 0.005)
 
-    def _item(self, patch: PixelPatch) -> None:
+    def _item(self, patch: PixelPatch) -> Iterator[None]:
         floor = self._floor(patch.rows, patch.columns, patch.top)
         if patch.top - floor.height < MIN_ITEM_HEIGHT or floor.heaped:
             return
@@ -328,11 +379,11 @@ class _Finding:
             self._confirm(one, floor)
         for left in known.left:
             if left.measured >= 4:
-                self._item(left)
+                yield from self._item(left)
         if known.found:
             return
-        hypotheses = self.fitter.explain(blob, floor.height, *heaped)
-        seated = self._seated(blob)
+        hypotheses = yield from self.fitter.explain(blob, floor.height, *heaped)
+        seated = yield from self._seated(blob)
         if seated is not None and (
             not hypotheses or seated.best.misfit < max(GOOD_MISFIT, hypotheses[0].misfit)
         ):
@@ -346,7 +397,7 @@ class _Finding:
             return
         # Items that the border or the robot hides in part do not fit, and would be searched in each picture.
         if misfit > GOOD_MISFIT and not floor.in_bin and not hidden:
-            parts = split_blob(self.picture, self.fitter, blob, floor.height, misfit, known.most)
+            parts = yield from split_blob(self.picture, self.fitter, blob, floor.height, misfit, known.most)
             if parts is not None and (
                 misfit >= POOR_MISFIT or all(is_clear(part.hypotheses[0]) for part in parts)
             ):
@@ -361,14 +412,14 @@ class _Finding:
         confidence = min(detection.confidence, one.object.confidence)
         self.detections.append(replace(detection, confidence=confidence))
 
-    def _seated(self, blob: Blob) -> _Seated | None:
+    def _seated(self, blob: Blob) -> Fitting[_Seated | None]:
         """Return the item whose protruding part the blob is. None when no hole is near, or no item fits
         clearly."""
         x, y = self.picture.sight.at_height(blob.middle, blob.top)
         mouth = self.perception.mouths.near(float(x), float(y))
         if mouth is None or not mouth.stubs:
             return None
-        found = replace(self.fitter, rests=mouth.rests).explain(blob, mouth.height)
+        found = yield from replace(self.fitter, rests=mouth.rests).explain(blob, mouth.height)
         stub = mouth.stub(found[0].stand.rest) if found else None
         if stub is None or not is_clear(found[0]):
             return None
@@ -391,10 +442,12 @@ class _Finding:
 
     def _beside_robot(self, blob: Blob) -> bool:
         """Whether the robot may hide a part of the blob, which then cannot be expected to fit."""
-        rows, columns = blob.patch.rows, blob.patch.columns
-        y0, y1 = max(int(rows.min()) - 2, 0), int(rows.max()) + 3
-        x0, x1 = max(int(columns.min()) - 2, 0), int(columns.max()) + 3
-        return bool(self.robot[y0:y1, x0:x1].any()) and not blob.whole
+        return self._is_beside_robot(blob.patch) and not blob.whole
+
+    def _is_beside_robot(self, patch: PixelPatch) -> bool:
+        y0, y1 = max(int(patch.rows.min()) - 2, 0), int(patch.rows.max()) + 3
+        x0, x1 = max(int(patch.columns.min()) - 2, 0), int(patch.columns.max()) + 3
+        return bool(self.robot[y0:y1, x0:x1].any())
 
     def _too_large(self, blob: Blob, floor: SupportSurface) -> bool:
         """Whether the blob is too high to be a part of any item, even of one that the robot hides in part."""

@@ -19,6 +19,8 @@ from .camera_geometry import PosedCamera
 from .resting_poses import covered_area, part_points
 from .robot_mask import fill
 
+CERTAIN_CONFIDENCE = 0.6
+"""Confidence from which a detection is an object of its own, even next to hidden objects."""
 MIN_DEPTH_BEHIND = 0.010
 """Depth beyond a body's believed surface from which the body is not there, m."""
 
@@ -49,6 +51,25 @@ class UnexplainedPatch:
     rows: NDArray[np.intp]
     """Rows of its pixels (n,); all of them have a depth."""
     columns: NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RecognisedPatch:
+    """Patch of one colour that was recognised in this picture, with its contents."""
+
+    rows: NDArray[np.intp]
+    columns: NDArray[np.intp]
+    label: int
+    """Label of its colour, see `segmentation.LABEL_NAMES`."""
+    top: float
+    """Height of its upper parts in the world, m."""
+    detections: tuple[int, ...]
+    """Indices of its detections in the view."""
+    unexplained: tuple[UnexplainedPatch, ...]
+    certain: bool
+    """Whether each detection in it is certain."""
+    clear: bool
+    """Whether the robot hides nothing of it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,6 +148,10 @@ class PerceivedView:
         default_factory=dict[ObjectId, heap_geometry.HeightMap]
     )
     """Height maps of the totes that the picture shows."""
+    confirmed: tuple[ObjectId, ...] = ()
+    """Known objects whose pixels have not changed since they were recognised."""
+    recognised: tuple[RecognisedPatch, ...] = ()
+    """Patches that were recognised in this picture."""
 
     def look(self, shape: Shape, pose: Pose, colour: str) -> BodyVisibility:
         """Count the pixels of each kind at the believed place of the body."""

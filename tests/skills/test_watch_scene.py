@@ -7,7 +7,6 @@ from typing import Any
 
 import pytest
 
-from picktree.robot.perception import Perception
 from picktree.simulation.kinematic import KinematicHardware
 from picktree.world import Failure, FailureReport, ObjectId, Pose, perception
 
@@ -29,7 +28,10 @@ class Watched:
         self.refuse: Failure | None = None
         self.removed: list[ObjectId] = []
         eyes.capture_now = self._glance  # type: ignore[method-assign]
-        eyes.observe_image = self._take_in  # type: ignore[method-assign]
+        eyes.begin = self._begin  # type: ignore[method-assign]
+        eyes.merge = self._take_in  # type: ignore[method-assign]
+        self.advanced, self.work = 0, 0
+        """Ticks in which the look was evaluated further, and the number that it needs."""
 
     @property
     def now(self) -> float:
@@ -43,9 +45,19 @@ class Watched:
             raise self.refuse
         return SimpleNamespace(stamp=self.cell.world.clock.now)
 
-    def _take_in(self, picture: Any, known: Any) -> Any:
+    def _begin(self, shot: Any, known: Any) -> Any:
+        look = SimpleNamespace(shot=shot, done=self.work == 0)
+
+        def advance() -> None:
+            self.advanced += 1
+            look.done = self.advanced >= self.work
+
+        look.advance = advance
+        return look
+
+    def _take_in(self, look: Any) -> Any:
         self.known.append(self.now)
-        self.cell.world.vision.newest = picture.stamp
+        self.cell.world.vision.newest = look.shot.stamp
         return SimpleNamespace(removed=self.removed)
 
     def until(self, seconds: float) -> None:
@@ -90,32 +102,11 @@ def test_one_picture_is_thought_about_at_a_time() -> None:
     assert watched.known == pytest.approx([0.3, 0.6])
 
 
-def test_perception_runs_when_the_picture_is_taken_in_and_not_for_a_dropped_one(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    cell = Cell(mission("Observe: {camera: overhead}"), items(block=1))
-    cell.finish()
-    cell.world.vision.cost = 0.2
-    perceived, detect = list[Any](), Perception.detect
-
-    def counting(self: Perception, *arguments: Any) -> Any:
-        perceived.append(arguments)
-        return detect(self, *arguments)
-
-    monkeypatch.setattr(Perception, "detect", counting)
-    cell.start(mission(f"WatchScene: {{every: 500 ms, do: {WAIT}}}"))
-    began = cell.world.clock.now
-    while cell.world.clock.now < began + 0.15:
-        cell.tick()
-    assert not perceived
-    while cell.world.clock.now < began + 0.6:
-        cell.tick()
-    (block,) = (o for o in cell.world.scene.objects if o.role == "item")
-    assert [o.id for o in perceived[0][-1]] == [block.id]
-    cell.world.scene.attach(block.id, Pose())
-    while cell.world.clock.now < began + 0.8:
-        cell.tick()
-    assert len(perceived) == 1
+def test_a_picture_is_known_when_its_evaluation_is_done() -> None:
+    watched = Watched()
+    watched.cell.world.vision.cost, watched.work = 0.1, 6
+    watched.until(0.4)
+    assert (watched.advanced, watched.known) == (6, pytest.approx([0.3]))
 
 
 def test_a_picture_older_than_what_is_known_says_nothing() -> None:
