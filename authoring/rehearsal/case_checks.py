@@ -92,14 +92,15 @@ class CaseNames:
             self.fault(loc, message, self._near(pattern), code="P703", key=key)
         return found
 
-    def leaves(self, pattern: str, loc: Location, *, key: bool = False) -> tuple[NodeRole, ...]:
-        """Return the stubbed leaves that match a pattern; report an error when there are none."""
+    def leaves(self, pattern: str, loc: Location, remedy: str, *, key: bool = False) -> tuple[NodeRole, ...]:
+        """Return the stubbed leaves that match a pattern; report an error with a remedy when there are none."""
         found = self.nodes(pattern, loc, key=key)
         played = tuple(role for role in found if role.played)
         if found and not played:
             kind = found[0].spec.id
             message = f"{pattern!r} is a node of the language ({kind}), which answers for itself"
-            self.fault(loc, message, suggest_name("", self._names(played=True)), code="P704", key=key)
+            known = suggest_name("", self._names(played=True)) or "this mission has no leaf of that kind"
+            self.fault(loc, message, f"{remedy}; {known}", code="P704", key=key)
         return played
 
     def _near(self, pattern: str) -> str:
@@ -162,6 +163,8 @@ def _object_names(scene: SceneDescription | None) -> dict[str, tuple[str, tuple[
 
 _SET_BY_CLOCK = "time"
 _WORDS = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}
+_NO_ANSWER = "answer for the leaves below it, or set what it reads by 'facts' or 'objects'"
+_NOT_IN_ORDER = "leave it out: 'order' lists skills and conditions; 'handled' and 'never' name any node"
 _ALWAYS_POSSIBLE = (tree.MISSING_INPUT, tree.TIMEOUT, world.UNKNOWN_OBJECT, internal.ERROR)
 """Causes with which every node may fail; a program fault is included, because missions may handle it."""
 
@@ -273,7 +276,7 @@ class CaseChecks:
             self._key(key, (*loc, "blackboard", key))
 
     def _start(self, turn: ExpectedStart, loc: Location) -> None:
-        leaves = self._known.leaves(turn.pattern, loc)
+        leaves = self._known.leaves(turn.pattern, loc, _NOT_IN_ORDER)
         if not turn.outcome or turn.outcome in OUTCOMES:
             return
         at = (*loc, turn.pattern)
@@ -327,7 +330,7 @@ class CaseChecks:
     def _answers(self) -> None:
         answered: set[str] = set()
         for script in self._case.scripts:
-            played = self._known.leaves(script.pattern, script.loc, key=True)
+            played = self._known.leaves(script.pattern, script.loc, _NO_ANSWER, key=True)
             left = [role for role in played if role.path not in answered]
             own = script.loc[:1] == ("cases",)
             if played and not left and own:
