@@ -93,7 +93,7 @@ class CaseNames:
         return found
 
     def leaves(self, pattern: str, loc: Location, remedy: str, *, key: bool = False) -> tuple[NodeRole, ...]:
-        """Return the stubbed leaves that match a pattern; report an error with a remedy when there are none."""
+        """Return the stubbed leaves that match a pattern; without any report an error with this remedy."""
         found = self.nodes(pattern, loc, key=key)
         played = tuple(role for role in found if role.played)
         if found and not played:

@@ -170,8 +170,8 @@ def test_the_world_of_a_case(line: str, fault: str) -> None:
         ("{order: [Pick, Puts]}",
          "P703 5:28: order[1]: no node of the mission fits 'Puts' (did you mean 'Put'?)"),
         ("{order: [Recover]}", "P704 5:22: order[0]: 'Recover' is a node of the language (Recover), which "
-         "answers for itself (leave it out: 'order' lists skills and conditions; 'handled' and 'never' name any "
-         "node; known: Look, Pick, Put, Go, Ready, Weigh)"),
+         "answers for itself (leave it out: 'order' lists skills and conditions; 'handled' and 'never' name "
+         "any node; known: Look, Pick, Put, Go, Ready, Weigh)"),
         ("{order: [{Pick: missed}]}", "P714 5:29: order[0].Pick: 'missed' is neither an outcome nor a cause "
          "(did you mean 'grasp.missed'?)"),
         ("{order: [{Pick: place.full}]}", "P706 5:29: order[0].Pick: Pick does not fail with place.full (it "
