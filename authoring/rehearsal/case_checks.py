@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -483,7 +484,11 @@ def examine_cases(
     cases = read_cases(check)
     if mission is not None:
         scene = scene_of(mission)
+        _other_mission(check, cases.mission, mission.document.path, registry)
     else:
+        if "mission" not in document.data:
+            message = "the file names no mission: its nodes, causes, outputs, keys and bins are not checked"
+            check.fault((), message, "as 'mission: ../sorting.yaml'", code="P702", severity="warning")
         mission = _mission(check, cases.mission, registry) if cases.mission else None
         scene = _scene(check, mission)
     known = CaseNames(check, mission, scene)
@@ -529,8 +534,22 @@ def _mission(check: DocumentChecker, path: Path, registry: NodeRegistry | None) 
     except FileError as error:
         first, *more = error.faults
         others = f", and {len(more)} more" if more else ""
-        check.fault(("mission",), f"the mission cannot be read: {first}{others}", code="P702")
+        hint = "" if path.is_file() or first.hint else "the path counts from this file's folder"
+        check.fault(("mission",), f"the mission cannot be read: {first}{others}", hint, code="P702")
     return None
+
+
+def _other_mission(
+    check: DocumentChecker, named: Path | None, given: Path, registry: NodeRegistry | None
+) -> None:
+    """Warn where the file names another mission than the given one; a named mission must be readable."""
+    if named is None or os.path.abspath(named) == os.path.abspath(given):
+        return
+    if _mission(check, named, registry) is None or os.path.realpath(named) == os.path.realpath(given):
+        return
+    here = os.path.relpath(given, check.document.path.parent)
+    message = f"the cases are played with {given}, not with this mission"
+    check.fault(("mission",), message, f"write 'mission: {here}'", code="P702", severity="warning")
 
 
 def _scene(check: DocumentChecker, mission: Mission | None) -> SceneDescription | None:
