@@ -319,7 +319,11 @@ _PLAIN_FIELDS = (
 
 
 def _cures(counts: list[dict[str, Any]] | None) -> tuple[CureCount, ...] | None:
-    return None if counts is None else tuple(CureCount(**each) for each in counts)
+    if counts is None:
+        return None
+    return tuple(
+        CureCount(**{**each, "failed_before": tuple(each.get("failed_before", ()))}) for each in counts
+    )
 
 
 def _under(title: str, lines: Iterable[str]) -> list[str]:
