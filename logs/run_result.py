@@ -321,9 +321,8 @@ _PLAIN_FIELDS = (
 def _cures(counts: list[dict[str, Any]] | None) -> tuple[CureCount, ...] | None:
     if counts is None:
         return None
-    return tuple(
-        CureCount(**{**each, "failed_before": tuple(each.get("failed_before", ()))}) for each in counts
-    )
+    found = (CureCount(**each) for each in counts)
+    return tuple(replace(each, failed_before=tuple(each.failed_before)) for each in found)
 
 
 def _under(title: str, lines: Iterable[str]) -> list[str]:
