@@ -99,7 +99,8 @@ def test_what_fits_is_quiet(wired: str) -> None:
         ("count: '{w}'", "P237 7:22: port 'count': {w} is a number, not a whole number (Measure)"),
         ("length: '{t}'", "P237 7:23: port 'length': {t} is a text, not a number (Measure)"),
         ("flag: '{n}'", "P237 7:21: port 'flag': {n} is a whole number, not true or false (Measure)"),
-        ("text: '{n}'", "P237 7:21: port 'text': {n} is a whole number, not a text (Measure)"),
+        ("text: '{n}'", "P237 7:21: port 'text': {n} is a whole number, not a text (Measure; join it to a "
+         "text, as \"{= 'text ' + n}\")"),
         ("one: '{t}'", "P237 7:20: port 'one': {t} is a text, not an object's id (Measure)"),
         ("one: '{os}'",
          "P237 7:20: port 'one': {os} is a list, each an object's id, not an object's id (Measure)"),
@@ -145,7 +146,7 @@ def test_what_fits_is_quiet(wired: str) -> None:
 def test_what_does_not_fit_is_said_where_it_arrives(wired: str, fault: str) -> None:
     (found,) = after_measure(f"Use: {{{wired}}}")
     found = found.replace("Main/Sequence/Use: ", "", 1)
-    assert found.replace("(Main/Sequence/Measure writes it, line 6)", "(Measure)") == fault
+    assert found.replace("(Main/Sequence/Measure writes it, line 6", "(Measure") == fault
 
 
 def test_a_literal_keeps_its_value_on_the_way() -> None:
