@@ -622,6 +622,9 @@ def _related(related: ComparisonLink, left: ValueType, right: ValueType) -> None
         case "==" | "!=":
             if not comparable(left, right):
                 raise _never_equal(related.at, left, right)
+            number = _whole_number(related.operand)
+            if left.kind == "bool" and number not in (None, 0, 1):
+                raise ExpressionError(f"{_WORDS['bool']} and {number} are never equal", related.at)
         case "in" | "not in":
             _check_container(related, left, right)
         case _:

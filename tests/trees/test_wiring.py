@@ -121,6 +121,10 @@ def test_what_fits_is_quiet(wired: str) -> None:
         ("_skipIf: 'n > t'", "P226 7:27: _skipIf: '>' does not work on a whole number and a text"),
         ("_skipIf: 'm > 3'", "P227 7:25: _skipIf: unknown name 'm'; known: n, w, f, s, t, o, os, xs, what, "
          "items_left, items_to_do, holding, held_object, stopped, feed_exhausted, items_done, time"),
+        ("_skipIf: 'items_left > 3'", "P226 7:36: _skipIf: '>' does not work on true/false and a whole "
+         "number (items_left is true/false)"),
+        ("_skipIf: 'holding == 4'",
+         "P226 7:33: _skipIf: true/false and 4 are never equal (holding is true/false)"),
         ("_while: 'item_left'", "P227 7:24: _while: unknown name 'item_left'; did you mean 'items_left'?"),
         ("_post: 'a := 1; b := a - s'",
          "P226 7:38: _post: 'b': '-' does not work on a whole number and a text"),

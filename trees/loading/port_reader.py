@@ -187,7 +187,7 @@ class PortReader:
             if reference is not None:
                 return self._reference(port, reference, loc, trail)
         inner = _inner_reference(value) if port.takes == "value" and port.type.name != "expression" else None
-        if inner is not None:
+        if inner is not None and not (inner == value and inner.startswith("{=")):
             self._inner_reference_fault(port, value, inner, loc, trail)
             return None
         if port.direction == "out" or port.takes == "key":
