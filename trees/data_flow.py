@@ -462,6 +462,10 @@ class ArrivingValue:
             and self.source.type.kind == "float"
         ):
             comes = [f'round it, as "{{= round({self.at.text[2:-1].strip()})}}"']
+        element = None if self.target.type.many else self.source.type.element
+        if self.at.text.startswith("{") and element is not None and _takes(element, self.target, strict=True):
+            name = self.at.text[1:-1].removeprefix("=").strip()
+            comes.append(f'one of it is "{{= {name}[0]}}", and ForEach takes all in turn')
         if (
             self.at.text.startswith("{")
             and self.target.type.name == "string"

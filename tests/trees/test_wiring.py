@@ -103,7 +103,8 @@ def test_what_fits_is_quiet(wired: str) -> None:
          "text, as \"{= 'text ' + n}\")"),
         ("one: '{t}'", "P237 7:20: port 'one': {t} is a text, not an object's id (Measure)"),
         ("one: '{os}'",
-         "P237 7:20: port 'one': {os} is a list, each an object's id, not an object's id (Measure)"),
+         "P237 7:20: port 'one': {os} is a list, each an object's id, not an object's id (Measure; "
+         'one of it is "{= os[0]}", and ForEach takes all in turn)'),
         ("one: '{o.colour}'", "P237 7:20: port 'one': {o.colour} is a text, not an object's id (Measure)"),
         ("one: '{o.destination}'",
          "P237 7:20: port 'one': {o.destination} is the name of a place, not an object's id (Measure)"),
@@ -130,7 +131,8 @@ def test_what_fits_is_quiet(wired: str) -> None:
          "P226 7:38: _post: 'b': '-' does not work on a whole number and a text"),
         ("count: '{= n / 2}'", "P237 7:22: port 'count': {= n / 2} is a number, not a whole number (round "
          'it, as "{= round(n / 2)}")'),
-        ("one: '{= os}'", "P237 7:20: port 'one': {= os} is a list, each an object's id, not an object's id"),
+        ("one: '{= os}'", "P237 7:20: port 'one': {= os} is a list, each an object's id, not an object's id "
+         '(one of it is "{= os[0]}", and ForEach takes all in turn)'),
         ("side: \"{= 'up' if f else 'down'}\"", "P237 7:21: port 'side': {= 'up' if f else 'down'}: 'up' is "
          "not a choice; known: left, right"),
         ("count: '{= n - t}'", "P226 7:28: port 'count': '-' does not work on a whole number and a text"),
