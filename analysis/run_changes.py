@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from picktree.authoring import check_mission
-from picktree.files import Diagnostic, FileError, PicktreeError
+from picktree.files import Diagnostic, PicktreeError
 from picktree.files.yaml import read_document
 from picktree.session import run_recipe
 from picktree.simulation import load_faults
@@ -121,16 +121,11 @@ def apply_changes(changes: RunChanges, recorded: run_recipe.Recipe) -> ChangedRe
 def checked_mission(path: Path, recipe: run_recipe.Recipe) -> tuple[Mission, tuple[Diagnostic, ...]]:
     """Return the mission of a file and the checker's warnings, for the recipe's scene and robot.
 
-    Raises FileError with the checker's errors, PicktreeError for a library.
+    Raises FileError with the checker's errors, and for a library.
     """
     known = scene_names(recipe.scene, recipe.robot)
     check = check_mission(read_document(path, "mission"), known=known)
-    errors = [fault for fault in check.faults if fault.severity == "error"]
-    if errors or check.mission is None:
-        raise FileError(errors)
-    if check.mission.library:
-        raise PicktreeError(f"{path}: this is a library; a mission has a tree 'Main'")
-    return check.mission, tuple(fault for fault in check.faults if fault.severity == "warning")
+    return check.required(), tuple(fault for fault in check.faults if fault.severity == "warning")
 
 
 def _settings(recipe: run_recipe.Recipe, own: Mapping[str, str]) -> tuple[dict[str, str], dict[str, str]]:

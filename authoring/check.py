@@ -18,7 +18,14 @@ from picktree.files import (
 )
 from picktree.files.yaml import Document
 from picktree.trees import Mission, MissionFiles, data_flow, expression_fault, reachable, references
-from picktree.trees.loading import MissionReadResult, NodeRegistry, SceneNames, examine, load_surroundings
+from picktree.trees.loading import (
+    MissionReadResult,
+    NodeRegistry,
+    SceneNames,
+    examine,
+    load_surroundings,
+    required_mission,
+)
 from picktree.world import planner_names, world_facts
 
 _CODE = "P240"
@@ -131,6 +138,10 @@ class MissionCheck:
     mission: Mission | None
     faults: tuple[Diagnostic, ...]
     """Diagnostics in the order of the files, those of scene and robot (with their own places) included."""
+
+    def required(self) -> Mission:
+        """Return the mission, which can be run. Raises FileError with all errors, also for a library."""
+        return required_mission(self.mission, self.faults)
 
 
 def check_mission(

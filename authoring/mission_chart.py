@@ -290,6 +290,7 @@ class _Charting:
                     key, "; ".join(f"{p.key} {':=' if p.new else '='} {str(p.value).strip()}" for p in parts)
                 )
                 for key, parts in spec.postconditions.items()
+                if key not in spec.ports  # a Script's `code` is a port, and its assignments, too
             ),
             breakpoint=spec.breakpoint,
         )

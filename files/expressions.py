@@ -170,8 +170,7 @@ def _apply(at: int, what: str, function: Callable[..., object], *given: object) 
     except _Unfit as error:
         raise ExpressionError(str(error), at) from None
     except TypeError:
-        kinds = " and ".join(type_words(value) for value in given) or "nothing"
-        raise ExpressionError(f"{what!r} does not work on {kinds}", at) from None
+        raise _misfit(what, [type_words(value) for value in given], at) from None
 
 
 class _Unfit(Exception):
@@ -566,8 +565,15 @@ class UnknownName(ExpressionError):
 
 
 def _unfit(what: str, given: Iterable[ValueType], at: int) -> ExpressionError:
-    kinds = " and ".join(_WORDS[t.kind] for t in given) or "nothing"
-    return ExpressionError(f"{what!r} does not work on {kinds}", at)
+    return _misfit(what, [_WORDS[t.kind] for t in given], at)
+
+
+def _misfit(what: str, kinds: list[str], at: int) -> ExpressionError:
+    """Return the error of an operator or function on values of these kinds, in words."""
+    message = f"{what!r} does not work on {' and '.join(kinds) or 'nothing'}"
+    if what == "+" and "a text" in kinds:
+        message += ": it joins a text with a text or a number"
+    return ExpressionError(message, at)
 
 
 def _type_of_sum(at: int, left: ValueType, right: ValueType) -> ValueType:
@@ -616,6 +622,9 @@ def _related(related: ComparisonLink, left: ValueType, right: ValueType) -> None
         case "==" | "!=":
             if not comparable(left, right):
                 raise _never_equal(related.at, left, right)
+            number = _whole_number(related.operand)
+            if left.kind == "bool" and number not in (None, 0, 1):
+                raise ExpressionError(f"{_WORDS['bool']} and {number} are never equal", related.at)
         case "in" | "not in":
             _check_container(related, left, right)
         case _:

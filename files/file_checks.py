@@ -100,11 +100,11 @@ class CheckReport:
         """Return the counts in one line.
 
         >>> CheckReport(("a.yaml", "b.yaml"), (), ()).summary()
-        '2 files, no faults'
+        '2 files, no errors or warnings'
         """
         text = _count(len(self.files), "file")
         found = [_count(n, what) for n, what in ((self.errors, "error"), (self.warnings, "warning")) if n]
-        text = f"{' and '.join(found)} in {text}" if found else f"{text}, no faults"
+        text = f"{' and '.join(found)} in {text}" if found else f"{text}, no errors or warnings"
         if self.left_out:
             text += f"; {_count(len(self.left_out), 'YAML file')} without 'picktree:' left out"
         if found:

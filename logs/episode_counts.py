@@ -31,12 +31,15 @@ class CureCount:
     """Time lost, simulated s."""
     done_instead: int = 0
     """Number of episodes that a handler of `instead` ended: neither cured nor given up."""
+    failed_before: tuple[str, ...] = ()
+    """Names of the other cures that ran before it in these episodes and failed, each once."""
 
     def with_(self, other: CureCount) -> CureCount:
         """Return the sum of both counts."""
-        numbers = (each.name for each in fields(self) if each.name not in ("cause", "cure"))
+        numbers = (each.name for each in fields(self) if each.name not in ("cause", "cure", "failed_before"))
         sums = {name: getattr(self, name) + getattr(other, name) for name in numbers}
-        return replace(self, **sums | {"seconds": round(sums["seconds"], 6)})
+        failed = tuple(dict.fromkeys((*self.failed_before, *other.failed_before)))
+        return replace(self, **sums | {"seconds": round(sums["seconds"], 6)}, failed_before=failed)
 
     @property
     def to_cure(self) -> int:
@@ -74,6 +77,18 @@ class CauseCount:
     by_cure: tuple[CureCount, ...]
     """Counts by cure, the cure with the most successes first."""
 
+    @property
+    def tried(self) -> tuple[str, ...]:
+        """Names of all cures that ran, each once, in the order of their runs within an episode."""
+        groups = [each for each in self.by_cure if each.cure and each.to_cure]
+        return tuple(dict.fromkeys(name for each in groups for name in (*each.failed_before, each.cure)))
+
+    @property
+    def failed_before(self) -> str:
+        """Text for the cures that failed in cured episodes, ` (LookAgain failed before)`, or empty."""
+        names = dict.fromkeys(name for each in self.by_cure if each.cured for name in each.failed_before)
+        return f" ({', '.join(names)} failed before)" if names else ""
+
     def to_text(self) -> str:
         """Return the counts without the cause: `3 seen, 3 cured by RetreatAndLook after 1.3 tries, 12.4 s
         lost`."""
@@ -91,13 +106,13 @@ class CauseCount:
     def _cured(self) -> str:
         total = self.total
         if not total.cured:
-            tried = ", ".join(each.cure for each in self.by_cure if each.cure and each.to_cure)
+            tried = ", ".join(self.tried)
             untried = "given up untried" if total.given_up else ""
             return f"none cured (tried: {tried})" if tried else untried
         by = [each for each in self.by_cure if each.cured]
         names = [each.cure if len(by) == 1 else f"{each.cure} ({each.cured})" for each in by]
         tries = total.tries_a_cure or 0.0
-        return f"{total.cured} cured by {' or '.join(names)} after {_tries(tries)}"
+        return f"{total.cured} cured by {' or '.join(names)} after {_tries(tries)}{self.failed_before}"
 
     def _done_instead(self) -> str:
         names = [each.cure for each in self.by_cure if each.done_instead]
@@ -207,6 +222,7 @@ def _one(episode: event_types.EpisodeEvent) -> CureCount:
         episode.tries if end == "cured" else 0,
         episode.seconds,
         int(end == "done_instead"),
+        episode.failed_before,
     )
 
 
@@ -214,7 +230,7 @@ def _sum(cause: str, parts: Iterable[CureCount]) -> CureCount:
     total = CureCount(cause, "")
     for part in parts:
         total = total.with_(part)
-    return total
+    return replace(total, failed_before=())
 
 
 def _tries(number: float) -> str:

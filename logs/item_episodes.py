@@ -449,6 +449,8 @@ class EpisodeTracker:
         if again is not None:
             self._troubles[again].times.append(self._time)
             self._troubles[again].failures += failure
+            self._troubles[again].planted += self._waiting
+            self._waiting = []
             node.arrived.append(again)
             return
         began = self._time if not own or any(other.dealing for other in around) else node.start
@@ -465,8 +467,7 @@ class EpisodeTracker:
         return self._number
 
     def _pending_in_fallback(self, cause: str, around: Iterable[RunningNode]) -> int | None:
-        """Return the trouble of this cause for which a Fallback above runs its next branch; None without
-        one."""
+        """Return the trouble of this cause for which a Fallback above runs its next branch, or None."""
         for node in around:
             same = self._last_of_cause(cause, node.taken) if self._kind(node) == "choosing" else None
             if same is not None:
@@ -498,8 +499,7 @@ class EpisodeTracker:
             parent.failing = parent.failing if failing is None else failing
 
     def _progress(self, item: str) -> None:
-        """Process a finished item: later failures in the same branches do not concern it, and its time is not
-        lost."""
+        """Process a finished item: later failures of its branches do not concern it; its time is not lost."""
         for node in self._open.values():
             node.about = [each for each in node.about if each != item]
             if not node.dealing:

@@ -319,7 +319,10 @@ _PLAIN_FIELDS = (
 
 
 def _cures(counts: list[dict[str, Any]] | None) -> tuple[CureCount, ...] | None:
-    return None if counts is None else tuple(CureCount(**each) for each in counts)
+    if counts is None:
+        return None
+    found = (CureCount(**each) for each in counts)
+    return tuple(replace(each, failed_before=tuple(each.failed_before)) for each in found)
 
 
 def _under(title: str, lines: Iterable[str]) -> list[str]:

@@ -523,7 +523,11 @@ class Recover(RecoveryControl):
       give_up: {SafeRetreat: {hand: open}}
     """
 
-    attempts: In[int] = port("maximum number of runs of `do`", default=3, least=1)
+    attempts: In[int] = port(
+        "maximum number of runs of `do`; second tries within a skill, as of `Grasp`, do not count",
+        default=3,
+        least=1,
+    )
     attempt: Out[int] = port("number of the present or last attempt: 1, 2, …")
     cause: Out[str] = port("cause of the failure that is being handled; empty before the first")
     message: Out[str] = port("message of that failure")

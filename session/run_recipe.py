@@ -31,7 +31,7 @@ from picktree.files.yaml import Document, file_models, read_document
 from picktree.logs import RunLog, log_files, log_records
 from picktree.simulation import Backend, fault_entries, load_faults, parse_faults
 from picktree.trees import Mission, Plugin, RecordedFiles, name_of
-from picktree.trees.loading import NodeRegistry, load_mission, parse_mission
+from picktree.trees.loading import NodeRegistry, load_surroundings, parse_mission
 from picktree.world import CompoundMesh, convex_decomposition, mesh_reader
 from picktree.world.robot_model import RobotDescription, load_robot, parse_robot, robot_file, urdf_parser
 from picktree.world.scene import MESH_SETS, SceneDescription, SceneFile, load_scene, scene_loading
@@ -316,7 +316,7 @@ def read_recipe(request: RunRequest, mission: Mission | None = None) -> Recipe:
 
     `mission` replaces the request's file, which need not be there.
     """
-    mission = mission or load_mission(request.mission, NodeRegistry())
+    mission = mission or _checked_mission(request)
     wanted = request.scene or mission.scene
     if wanted is None:
         raise PicktreeError(f"{request.mission}: the mission names no scene; add 'scene:' or give --scene")
@@ -336,6 +336,20 @@ def read_recipe(request: RunRequest, mission: Mission | None = None) -> Recipe:
         request.limit,
         own_scene=request.scene is None,
     )
+
+
+def _checked_mission(request: RunRequest) -> Mission:
+    """Return the request's mission without errors for its scene and robot, those of the linter included.
+
+    Names of scene and robot are left to the run where settings may replace them.
+    """
+    from picktree.authoring import check_mission  # a run from a log needs no check
+
+    known = load_surroundings(request.scene, robot=request.robot) if request.scene else None
+    check = check_mission(read_document(request.mission, "mission"), NodeRegistry(), known, request.robot)
+    if request.parameters:
+        check = replace(check, faults=tuple(fault for fault in check.faults if fault.code != "P240"))
+    return check.required()
 
 
 _MAX_MISSION_BYTES = 200

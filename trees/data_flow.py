@@ -30,7 +30,15 @@ from picktree.world import Plain, world_facts
 from .mission import MAIN, NodeSpec, TreeSpec, bottom_up
 from .port_types import accept_value
 from .ports import NameKind, PortDeclaration
-from .references import ATTRIBUTE_TYPES, ROOT_KEY, Assignment, Constant, PortExpression, Reference
+from .references import (
+    ATTRIBUTE_TYPES,
+    REFERENCE_IN_TEXT,
+    ROOT_KEY,
+    Assignment,
+    Constant,
+    PortExpression,
+    Reference,
+)
 
 MAX_SOURCES: Final = 40
 """Greatest number of sources of one key; nothing is known of the others."""
@@ -454,6 +462,19 @@ class ArrivingValue:
             and self.source.type.kind == "float"
         ):
             comes = [f'round it, as "{{= round({self.at.text[2:-1].strip()})}}"']
+        element = None if self.target.type.many else self.source.type.element
+        if self.at.text.startswith("{") and element is not None and _takes(element, self.target, strict=True):
+            name = self.at.text[1:-1].removeprefix("=").strip()
+            comes.append(f'one of it is "{{= {name}[0]}}", and ForEach takes all in turn')
+        if (
+            self.at.text.startswith("{")
+            and self.target.type.name == "string"
+            and not (self.target.names or self.target.choices)
+            and self.source.type.kind in ("int", "float", "number")
+        ):
+            value = self.at.text[1:-1].removeprefix("=").strip()
+            operand = value if REFERENCE_IN_TEXT.fullmatch(f"{{{value}}}") else f"({value})"
+            comes.append(f"join it to a text, as \"{{= 'text ' + {operand}}}\"")
         return comes if self.target is self.at.port else [goes, *comes]
 
 

@@ -131,7 +131,7 @@ class Log(Node):
 
     kind = "action"
     message: In[str] = port("the sentence for the record")
-    value: In[object] = port("a value to log after it", default=None)
+    value: In[object] = port("a value of any type to log after it", default=None)
 
     def on_tick(self) -> NodeStatus:
         value = plain_copy(self.value)

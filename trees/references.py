@@ -69,6 +69,8 @@ ROOT_KEY: Final = "@"
 _REFERENCE = re.compile(r"\{(@?[A-Za-z_]\w{0,59})((?:\.[A-Za-z_]\w{0,59}){0,9})\}", re.ASCII)
 REFERENCE_IN_TEXT: Final = re.compile(_REFERENCE.pattern, re.ASCII)
 """Reference anywhere in a text."""
+VALUE_IN_TEXT: Final = re.compile(rf"{_REFERENCE.pattern}|\{{=[^{{}}]+\}}", re.ASCII)
+"""Reference or `{= expression}` anywhere in a text."""
 _BRACES = re.compile(r"\{.*\}", re.DOTALL)
 _PLAIN: Mapping[object, ValueType] = {
     str: TEXT, int: INT, float: FLOAT, bool: BOOL, ObjectId: OBJECT,

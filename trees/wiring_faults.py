@@ -53,7 +53,10 @@ def expression_faults(
                     if name not in unfinished:
                         yield expression_fault(placed, node_expression, error, pointer, "P227")
                 except expression_syntax.ExpressionError as error:
-                    yield expression_fault(placed, node_expression, error, pointer, "P226")
+                    fault = expression_fault(placed, node_expression, error, pointer, "P226")
+                    used = [fact for fact in circuit.facts if fact in node_expression.expression.names]
+                    types = ", ".join(f"{fact} is {keys[fact].words()}" for fact in used)
+                    yield replace(fault, hint=types)
 
 
 def expression_fault(

@@ -67,6 +67,11 @@ class EpisodeEvent(JournalEvent, kind="episode"):
         """Name of the last cure; empty when nothing was tried."""
         return self.tried[-1] if self.tried else ""
 
+    @property
+    def failed_before(self) -> tuple[str, ...]:
+        """Names of the other cures that ran before the last one and failed, each once."""
+        return tuple(name for name in dict.fromkeys(self.tried) if name != self.cure)
+
 
 class FaultOutcomeEvent(JournalEvent, kind="fault_outcome"):
     """The first failure after an injected fault is decided, or none came; for the analyst only."""

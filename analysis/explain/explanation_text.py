@@ -68,11 +68,11 @@ def _by(found: episode_counts.CauseCount) -> str:
     if instead and not found.total.to_cure:
         return ", ".join(instead)
     cured = [each for each in found.by_cure if each.cured]
-    tried = [each.cure for each in found.by_cure if each.cure and each.to_cure]
     if cured:
         by = [each.cure if len(cured) == 1 else f"{each.cure} ({each.cured})" for each in cured]
-    elif tried:
-        by = [f"tried in vain: {', '.join(tried)}"]
+        by[-1] += found.failed_before
+    elif found.tried:
+        by = [f"tried in vain: {', '.join(found.tried)}"]
     else:
         by = ["given up untried" if found.total.given_up else "nobody"]
     return ", ".join([*by, *instead])
@@ -307,7 +307,8 @@ class ExplanationText:
         episode = self._found.recovery.episodes[story.episode]
         if episode.end != "cured" or not episode.cure:
             return ""
-        return f" by {episode.cure} after {counted(episode.tries, 'try', 'tries')}"
+        failed = f" ({', '.join(episode.failed_before)} failed before)" if episode.failed_before else ""
+        return f" by {episode.cure} after {counted(episode.tries, 'try', 'tries')}{failed}"
 
     def _handling(self, handling: CureAttempt) -> str:
         node = self._names.get(handling.node, handling.node)

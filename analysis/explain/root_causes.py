@@ -13,8 +13,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final, TypeAlias
 
+from picktree.files import listed
 from picktree.logs import Stamped
-from picktree.world import event_types
+from picktree.world import event_types, world
 
 from .case import Investigation
 from .device_causes import device_findings
@@ -156,7 +157,7 @@ def _findings_by_failure(case: Investigation) -> Mapping[int, Finding]:
         else:
             answers = (detect(case, failure) for detect in FAILURE_DETECTORS)
             finding = next(
-                (answer for answer in answers if answer is not None), _failure_message_finding(failure)
+                (answer for answer in answers if answer is not None), _failure_message_finding(case, failure)
             )
         true = case.pairs.get(failure.item, "")
         before = displaced.get(true)
@@ -194,9 +195,17 @@ MIN_STEP = 1e-3
 """Displacement between two samples of the truth below which an item rests, m."""
 
 
-def _failure_message_finding(failure: FailureStory) -> Finding:
+def _failure_message_finding(case: Investigation, failure: FailureStory) -> Finding:
     """Return the failure's own message as finding, for a log without evidence of a cause."""
     about = failure.item or failure.node
+    if failure.cause == world.UNKNOWN_OBJECT.name and failure.item and failure.item not in case.belief.tracks:
+        title = f"the mission names the object {failure.item!r}, which was never in the belief"
+        known = listed(list(case.belief.tracks), 5) or "nothing"
+        reasons = (
+            f"the belief had {known}",
+            f'a key of the blackboard needs braces, as "{{{failure.item}}}"',
+        )
+        return Finding(failure.cause, about, title, reasons, failure.item, failure.time)
     message = failure.message or failure.sentence
     of = f" of {failure.item}" if failure.item and failure.item not in message else ""
     title = f"{failure.name}{of} failed: {message}"

@@ -38,7 +38,7 @@ class CheckReport:
 
     def __repr__(self) -> str:
         lines = [f"{fault.severity} {fault.code}: {fault}" for fault in self.faults]
-        return "\n".join(lines) or "no faults"
+        return "\n".join(lines) or "no errors or warnings"
 
     def _repr_html_(self) -> str:
         return preformatted(repr(self))

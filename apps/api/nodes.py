@@ -52,7 +52,9 @@ def __getattr__(name: str) -> type:
     found = _registry().find(name)
     if found is None:
         from picktree.files import suggest_name
+        from picktree.trees.loading import foreign_word
 
-        raise AttributeError(f"there is no node {name!r} ({suggest_name(name, _registry().ids())})")
+        hint = foreign_word(name) or suggest_name(name, _registry().ids())
+        raise AttributeError(f"there is no node {name!r} ({hint})")
     globals()[name] = found
     return found

@@ -534,7 +534,7 @@ class Log(Node):
 
     Ports:
         message: the sentence for the record.
-        value: a value to log after it.
+        value: a value of any type to log after it.
     """
 
     def __init__(
@@ -606,7 +606,7 @@ class Recover(Node):
     between a handler and the next attempt.
 
     Ports:
-        attempts: maximum number of runs of `do`; at least 1; default 3.
+        attempts: maximum number of runs of `do`; second tries within a skill, as of `Grasp`, do not count; at least 1; default 3.
         attempt: number of the present or last attempt: 1, 2, …. Output: the key to write, as '{attempt}'.
         cause: cause of the failure that is being handled; empty before the first. Output: the key to write, as '{cause}'.
         message: message of that failure. Output: the key to write, as '{message}'.

@@ -100,7 +100,7 @@ def check(
         typer.Option(metavar="FILE", help="File name of stdin, in whose folder names are looked for."),
     ] = None,
 ) -> None:
-    """Check files of any kind: all faults of all files at once. Exit code 2: there are errors."""
+    """Check files of any kind: all errors of all files at once. Exit code 2: there are errors."""
     from picktree.files import file_checks, file_system
     from picktree.files.yaml import file_text
 
@@ -182,11 +182,12 @@ def nodes(
 
 def _named(name: str, declared: tuple[NodeDeclaration, ...]) -> NodeDeclaration:
     from picktree.files import suggest_name
+    from picktree.trees.loading import foreign_word
 
     for node in declared:
         if node.id == name:
             return node
-    hint = suggest_name(name, [node.id for node in declared])
+    hint = foreign_word(name) or suggest_name(name, [node.id for node in declared])
     raise PicktreeError(f"there is no node {name!r}" + (f" ({hint})" if hint else ""))
 
 

@@ -39,8 +39,23 @@ def left_in_hand(survey: LintModel) -> Iterator[Diagnostic]:
             when = "it succeeds" if hidden is None else _fails(survey, hidden, bit, names)
             when += " and the mission continues" if hidden not in (None, main) else ""
             message = f"the mission may end with what {filler.name} took still in the hand, when {when}"
-            hint = "on the way out, place it, or let 'SafeRetreat: {hand: open}' see to it"
+            hint = _release(survey, at, bit) if hidden is not None else _AFTER_SUCCESS
             yield survey.fault(at, message, hint, code="P330")
+
+
+_AFTER_SUCCESS = "put it down afterwards, by a Place or 'SafeRetreat: {hand: open}'"
+_GIVE_UP = "give_up: {SafeRetreat: {hand: open}}"
+
+
+def _release(survey: LintModel, filler: NodeSpec, bit: int) -> str:
+    """Return the hint for an object that is held after a failure: what to write at which Recover."""
+    for around in reversed(survey.around(filler)):
+        ends = survey.ends(around)
+        kept = any(_held(state, bit) for state in ends.success | ends.skipped)
+        if around.id == "Recover" and not kept and any(_held(state, bit) for state in ends.failure):
+            return f"write '{_GIVE_UP}' in the Recover, line {around.mark.line}"
+    recover = f"Recover: {{do: […], otherwise: SafeRetreat, {_GIVE_UP}}}"
+    return f"write '{recover}' around it and the nodes up to its Place"
 
 
 def nothing_held(survey: LintModel) -> Iterator[Diagnostic]:

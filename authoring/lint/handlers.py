@@ -50,7 +50,10 @@ def unhandled(survey: LintModel) -> Iterator[Diagnostic]:
         causes = survey.walk.causes.words(unmet.causes)
         inside = " from inside" if unmet.node.node is None else ""
         message = f"nothing handles {causes}{inside}: it ends the mission"
-        hint = "a Recover around it, with a handler for it or 'otherwise'"
+        recover = f"Recover: {{do: {{{unmet.node.id}: …}}, otherwise: SafeRetreat}}"
+        hint = f"write '{recover}' in its place, or handlers by cause in 'when'"
+        if unmet.node.id == "SafeRetreat":
+            hint = "write 'Fallback: [SafeRetreat, {AskForHelp: {reason: …}}]' in its place"
         yield survey.fault(unmet.node, message, hint, code="P310")
 
 

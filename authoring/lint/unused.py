@@ -42,6 +42,9 @@ def _writer(read: KeyRead, writers: Iterable[data_flow.KeyUse]) -> str:
 def _remedy(survey: LintModel, read: KeyRead, usage: KeyUsage, writers: list[data_flow.KeyUse]) -> str:
     if writers:
         return _writer(read, writers)
+    changed = (one for one in read.spec.postconditions.get(read.place, ()) if not one.new)
+    if any(one.key == read.key for one in changed):
+        return f"'{read.key} := …' writes a key for the first time, '=' and '+=' only change one"
     inputs = (port.key for port in survey.mission.trees[read.tree].ports)
     known = [key for key in dict.fromkeys((*inputs, *usage.writes)) if key != read.key]
     return suggest_name(read.key, known) if known else f"nothing in {read.tree} writes any key"
@@ -59,7 +62,9 @@ def never_read(survey: LintModel) -> Iterator[Diagnostic]:
             if isinstance(first.what, PortDeclaration) and first.what.remapped:
                 continue
             message = f"{first.at}: {key!r} is written, and nothing in {tree.name} reads it"
-            hint = suggest_name(key, (read for read in usage.reads if read not in usage.writes))
+            inputs = {port.key for port in tree.ports if port.direction == "in"}
+            given = {*inputs, *usage.writes, *data_flow.FACT_TYPES}
+            hint = suggest_name(key, (read for read in usage.reads if read not in given))
             hint = hint if hint.startswith("did you mean") else "an output that nobody needs is left out"
             yield survey.fault(first.spec, message, hint, code="P303", at=first.at)
 

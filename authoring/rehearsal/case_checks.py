@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -92,14 +93,15 @@ class CaseNames:
             self.fault(loc, message, self._near(pattern), code="P703", key=key)
         return found
 
-    def leaves(self, pattern: str, loc: Location, *, key: bool = False) -> tuple[NodeRole, ...]:
-        """Return the stubbed leaves that match a pattern; report an error when there are none."""
+    def leaves(self, pattern: str, loc: Location, remedy: str, *, key: bool = False) -> tuple[NodeRole, ...]:
+        """Return the stubbed leaves that match a pattern; without any report an error with this remedy."""
         found = self.nodes(pattern, loc, key=key)
         played = tuple(role for role in found if role.played)
         if found and not played:
             kind = found[0].spec.id
             message = f"{pattern!r} is a node of the language ({kind}), which answers for itself"
-            self.fault(loc, message, suggest_name("", self._names(played=True)), code="P704", key=key)
+            known = suggest_name("", self._names(played=True)) or "this mission has no leaf of that kind"
+            self.fault(loc, message, f"{remedy}; {known}", code="P704", key=key)
         return played
 
     def _near(self, pattern: str) -> str:
@@ -162,6 +164,8 @@ def _object_names(scene: SceneDescription | None) -> dict[str, tuple[str, tuple[
 
 _SET_BY_CLOCK = "time"
 _WORDS = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}
+_NO_ANSWER = "answer for the leaves below it, or set what it reads by 'facts' or 'objects'"
+_NOT_IN_ORDER = "leave it out: 'order' lists skills and conditions; 'handled' and 'never' name any node"
 _ALWAYS_POSSIBLE = (tree.MISSING_INPUT, tree.TIMEOUT, world.UNKNOWN_OBJECT, internal.ERROR)
 """Causes with which every node may fail; a program fault is included, because missions may handle it."""
 
@@ -273,7 +277,7 @@ class CaseChecks:
             self._key(key, (*loc, "blackboard", key))
 
     def _start(self, turn: ExpectedStart, loc: Location) -> None:
-        leaves = self._known.leaves(turn.pattern, loc)
+        leaves = self._known.leaves(turn.pattern, loc, _NOT_IN_ORDER)
         if not turn.outcome or turn.outcome in OUTCOMES:
             return
         at = (*loc, turn.pattern)
@@ -327,7 +331,7 @@ class CaseChecks:
     def _answers(self) -> None:
         answered: set[str] = set()
         for script in self._case.scripts:
-            played = self._known.leaves(script.pattern, script.loc, key=True)
+            played = self._known.leaves(script.pattern, script.loc, _NO_ANSWER, key=True)
             left = [role for role in played if role.path not in answered]
             own = script.loc[:1] == ("cases",)
             if played and not left and own:
@@ -480,7 +484,11 @@ def examine_cases(
     cases = read_cases(check)
     if mission is not None:
         scene = scene_of(mission)
+        _other_mission(check, cases.mission, mission.document.path, registry)
     else:
+        if "mission" not in document.data:
+            message = "the file names no mission: its nodes, causes, outputs, keys and bins are not checked"
+            check.fault((), message, "as 'mission: ../sorting.yaml'", code="P702", severity="warning")
         mission = _mission(check, cases.mission, registry) if cases.mission else None
         scene = _scene(check, mission)
     known = CaseNames(check, mission, scene)
@@ -526,8 +534,22 @@ def _mission(check: DocumentChecker, path: Path, registry: NodeRegistry | None) 
     except FileError as error:
         first, *more = error.faults
         others = f", and {len(more)} more" if more else ""
-        check.fault(("mission",), f"the mission cannot be read: {first}{others}", code="P702")
+        hint = "" if path.is_file() or first.hint else "the path counts from this file's folder"
+        check.fault(("mission",), f"the mission cannot be read: {first}{others}", hint, code="P702")
     return None
+
+
+def _other_mission(
+    check: DocumentChecker, named: Path | None, given: Path, registry: NodeRegistry | None
+) -> None:
+    """Warn where the file names another mission than the given one; a named mission must be readable."""
+    if named is None or os.path.abspath(named) == os.path.abspath(given):
+        return
+    if _mission(check, named, registry) is None or os.path.realpath(named) == os.path.realpath(given):
+        return
+    here = os.path.relpath(given, check.document.path.parent)
+    message = f"the cases are played with {given}, not with this mission"
+    check.fault(("mission",), message, f"write 'mission: {here}'", code="P702", severity="warning")
 
 
 def _scene(check: DocumentChecker, mission: Mission | None) -> SceneDescription | None:

@@ -24,7 +24,6 @@ from picktree.files import (
 )
 from picktree.files.yaml import Document, read_document
 from picktree.trees import Mission, NodeStatus
-from picktree.trees.loading import read_mission
 from picktree.world import Plain, all_causes, matches
 
 from .case_checks import examine_cases
@@ -324,11 +323,7 @@ def rehearse_files(
         if (text is not None or mission.is_file()) and not cases.is_file():
             raise PicktreeError(f"there are no cases {cases}; name the file with --cases")
     document = read_document(mission, "mission", text)
-    loaded = read_mission(document)
-    if robot is not None:
-        checked = check_mission(document, robot=robot)
-        if errors := [fault for fault in checked.faults if fault.severity == "error"]:
-            raise FileError(errors)
+    loaded = check_mission(document, robot=robot).required()
     found = examine_cases(read_document(cases, "cases"), loaded)
     if found.errors:
         raise FileError(found.errors)

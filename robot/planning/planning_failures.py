@@ -393,11 +393,22 @@ def not_found(
     excused: Sequence[ContactPair],
     between: BlockingBodies,
     enclosed: Enclosure | None,
+    *,
+    searched: bool = True,
 ) -> Failure:
     """Build the failure of a search without a path; `spent` counts its checks and projections.
 
-    The obstructions were searched for afterwards.
+    The obstructions were searched for afterwards. Without `searched` the search ended early, and the failure
+    names none.
     """
+    if not searched:
+        return Failure(
+            planning.NO_PATH,
+            "the planner found no path",
+            checks=spent,
+            goals=len(goals),
+            configuration=goals[0].tolist(),
+        )
     used_up = spent >= budget
     sentence = (
         f"no path within {budget} collision checks"

@@ -239,7 +239,10 @@ class RequestSolver:
         return (planner.direct(ends) if direct else None) or planner.around(ends, seed), targets
 
     def _search_failure(self, begun: _Begun, ends: Sequence[Array]) -> Failure:
-        """Build the failure with its obstructions. Their search is charged, but not to the budget."""
+        """Build the failure with its obstructions. Their search is charged, but not to the budget.
+
+        With `finds_nothing` the failure names no obstruction: none kept the planner from a path.
+        """
         spent = self.collision.checks - begun.checks + begun.constraints.projections
         way = begun.way
         looked = ObstructionSearch(self.model, self.collision, way, begun.constraints)
@@ -251,7 +254,15 @@ class RequestSolver:
         if enclosed is None:
             enclosed = looked.enclosure("start", begun.start)
         between = looked.between(begun.start, ends)
-        return planning_failures.not_found(spent, begun.request.budget, ends, way.excused, between, enclosed)
+        return planning_failures.not_found(
+            spent,
+            begun.request.budget,
+            ends,
+            way.excused,
+            between,
+            enclosed,
+            searched=not self.finds_nothing,
+        )
 
     def _line(self, begun: _Begun, line: LineGoal | OffsetGoal, *, timed: bool) -> PlannedPath:
         start, way = begun.start, begun.way

@@ -72,6 +72,14 @@ def test_a_fault_is_named_blind_and_quoted_when_shown(
     assert "planted" not in hidden
 
 
+def test_a_planner_that_refuses_is_not_said_to_have_found_paths(tmp_path: Path) -> None:
+    fault = "{fault: no_plan, when: {node: Grasp}, lasts: 3 s}"
+    with Run(run(tmp_path, fault=fault, mission=EACH_IN_TIME, backend="kinematic")) as log:
+        told = to_text(log, explain(log), "LOG")
+    assert "found no path" in told
+    assert "path that was found" not in told
+
+
 def first(found: Explanation) -> tuple[str, str]:
     return found.root_causes[0].cause, found.root_causes[0].title
 

@@ -63,6 +63,16 @@ def test_a_condition_that_does_not_hold(tmp_path: Path) -> None:
     assert cause.reasons == ("Main/Sequence/Condition was asked at 0.00 s",)
 
 
+def test_an_object_that_the_belief_never_had_is_a_name_of_the_mission(tmp_path: Path) -> None:
+    trees = "trees:\n  Main:\n    Sequence: [{Observe: {objects: '{items}'}}, {Grasp: {object: item}}]\n"
+    with Run(run(tmp_path, trees)) as log:
+        cause = log.explanation.root_causes[0]
+    assert (cause.cause, cause.ended_run) == ("world.unknown_object", True)
+    assert cause.title == "the mission names the object 'item', which was never in the belief"
+    assert "red_can_1" in cause.reasons[0]
+    assert cause.reasons[1] == 'a key of the blackboard needs braces, as "{item}"'
+
+
 def test_an_item_that_still_rolls_in_its_bin_when_the_run_is_scored(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -120,6 +120,8 @@ def test_wrong_argument(wrong: str) -> None:
 def test_unknown_node_has_the_nearest_name() -> None:
     with pytest.raises(AttributeError, match=r"^there is no node 'Gasp' \(did you mean 'Grasp'\?\)$"):
         _ = pt.nodes.Gasp  # type: ignore[attr-defined]
+    with pytest.raises(AttributeError, match=r"^there is no node 'Selector' \(did you mean 'Fallback'\?\)$"):
+        _ = pt.nodes.Selector  # type: ignore[attr-defined]
 
 
 def test_values_of_numpy_are_plain() -> None:

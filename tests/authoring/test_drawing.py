@@ -79,6 +79,11 @@ def test_expanded_text_writes_what_is_called_below_the_call() -> None:
     ]
 
 
+def test_the_assignments_of_a_script_are_shown_once() -> None:
+    drawn = text(chart(mission('Main: {Script: {code: "n := 1", _onSuccess: "m := 2"}}'))).splitlines()
+    assert drawn[-1] == "└── □ Script  code: n := 1  [_onSuccess: m := 2]"
+
+
 def test_recovery_is_shown_by_cause() -> None:
     root = shift().tree("SortOne").root
     assert (root.symbol, root.branches[0].role) == ("recover", "child")

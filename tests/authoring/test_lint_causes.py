@@ -7,7 +7,11 @@ import pytest
 from .linting import lint, main
 
 HOME = "Fallback: [{GoTo: {pose: home}}, SafeRetreat]"
-HINT = "(a Recover around it, with a handler for it or 'otherwise')"
+
+
+def hint(node: str) -> str:
+    recover = f"Recover: {{do: {{{node}: …}}, otherwise: SafeRetreat}}"
+    return f"(write '{recover}' in its place, or handlers by cause in 'when')"
 
 
 def test_each_source_is_named_with_its_causes() -> None:
@@ -17,10 +21,12 @@ def test_each_source_is_named_with_its_causes() -> None:
         "OpenGripper",
     )
     assert lint(text) == [
-        f"P310 5:9 Main/Sequence/Timeout: nothing handles tree.timeout: it ends the mission {HINT}",
+        f"P310 5:9 Main/Sequence/Timeout: nothing handles tree.timeout: it ends the mission "
+        f"{hint('Timeout')}",
         "P310 5:35 Main/Sequence/Timeout/Observe: nothing handles perception.not_found, perception.no_image: "
-        f"it ends the mission {HINT}",
-        f"P310 6:9 Main/Sequence/OpenGripper: nothing handles control.gripper: it ends the mission {HINT}",
+        f"it ends the mission {hint('Observe')}",
+        f"P310 6:9 Main/Sequence/OpenGripper: nothing handles control.gripper: it ends the mission "
+        f"{hint('OpenGripper')}",
     ]
 
 
@@ -94,8 +100,13 @@ def test_a_switch_without_a_default_and_an_attribute_of_an_object() -> None:
     """
     assert lint(text, "P310") == [
         "P310 9:16 Main/Sequence/ForEach/Switch: nothing handles world.unknown_object, tree.no_case: "
-        f"it ends the mission {HINT}"
+        f"it ends the mission {hint('Switch')}"
     ]
+
+
+def test_a_safe_retreat_is_not_proposed_against_its_own_failure() -> None:
+    (finding,) = lint(main(HOME, "SafeRetreat"), "P310")
+    assert finding.endswith("(write 'Fallback: [SafeRetreat, {AskForHelp: {reason: …}}]' in its place)")
 
 
 def test_what_comes_out_of_an_included_tree_is_said_where_it_is_used() -> None:
@@ -109,7 +120,7 @@ def test_what_comes_out_of_an_included_tree_is_said_where_it_is_used() -> None:
     """
     assert lint(text) == [
         "P310 6:9 Main/Sequence/RetreatAndLook: nothing handles grasp.slipped, place.occupied, "
-        f"control.*, safety.* from inside: it ends the mission {HINT}"
+        f"control.*, safety.* from inside: it ends the mission {hint('RetreatAndLook')}"
     ]
 
 

@@ -9,7 +9,10 @@ import pytest
 from .linting import lint, main
 
 PICK = "{Grasp: {object: a}}, {Place: {object: a, into: red_bin}}"
-HINT = "(on the way out, place it, or let 'SafeRetreat: {hand: open}' see to it)"
+AFTER = "(put it down afterwards, by a Place or 'SafeRetreat: {hand: open}')"
+GIVE_UP = "give_up: {SafeRetreat: {hand: open}}"
+RECOVER = f"Recover: {{do: […], otherwise: SafeRetreat, {GIVE_UP}}}"
+AROUND = f"(write '{RECOVER}' around it and the nodes up to its Place)"
 
 
 def held(*nodes: str, rest: str = "") -> list[str]:
@@ -21,17 +24,20 @@ SAYS = "the mission may end with what Grasp took still in the hand"
 
 
 def test_a_mission_that_succeeds_with_something_in_the_hand() -> None:
-    assert held("Grasp: {object: a}", "GoTo: {pose: home}") == [f"4:9 Grasp: {SAYS}, when it succeeds {HINT}"]
+    assert held("Grasp: {object: a}", "GoTo: {pose: home}") == [
+        f"4:9 Grasp: {SAYS}, when it succeeds {AFTER}"
+    ]
 
 
 def test_a_place_that_fails_leaves_it_in_the_hand() -> None:
-    assert held(f"Sequence: [{PICK}]") == [f"4:21 Sequence/Grasp: {SAYS}, when Grasp or Place fails {HINT}"]
+    assert held(f"Sequence: [{PICK}]") == [f"4:21 Sequence/Grasp: {SAYS}, when Grasp or Place fails {AROUND}"]
     assert held(f"Recover: {{do: [{PICK}], otherwise: {{Observe: {{camera: overhead}}}}}}") == [
-        f"4:25 Recover/Sequence/Grasp: {SAYS}, when Grasp or Place fails {HINT}"
+        f"4:25 Recover/Sequence/Grasp: {SAYS}, when Grasp or Place fails "
+        f"(write '{GIVE_UP}' in the Recover, line 6)"
     ]
     assert held(f"ForceSuccess: {{Sequence: [{PICK}]}}") == [
         f"4:36 ForceSuccess/Sequence/Grasp: {SAYS}, when Grasp or Place fails and the mission continues "
-        f"{HINT}"
+        f"{AROUND}"
     ]
 
 
@@ -76,7 +82,8 @@ def test_a_hand_that_is_asked_first() -> None:
 
 def test_what_a_handler_opens_is_empty_and_what_another_round_takes_is_not() -> None:
     assert held(f"Recover: {{do: [{PICK}], otherwise: {{SafeRetreat: {{hand: open}}}}}}") == [
-        f"4:25 Recover/Sequence/Grasp: {SAYS}, when Grasp or Place fails {HINT}"
+        f"4:25 Recover/Sequence/Grasp: {SAYS}, when Grasp or Place fails "
+        f"(write '{GIVE_UP}' in the Recover, line 6)"
     ]
 
 
@@ -85,7 +92,7 @@ def test_trees_of_other_files_are_judged_where_they_are_used() -> None:
     assert lint(text, "P330") == []
     sub = "  Take: {Grasp: {object: a}}\n"
     assert held("Take", "GoTo: {pose: home}", rest=sub) == [
-        f"6:10 Take/Grasp: {SAYS}, when it succeeds {HINT}"
+        f"6:10 Take/Grasp: {SAYS}, when it succeeds {AFTER}"
     ]
 
 
@@ -237,5 +244,5 @@ def test_the_end_of_a_clean_up() -> None:
     # Whatever the last child does, the mission fails, and with what was there before.
     assert lint(text % "{Place: {object: a, into: red_bin}}", "P330", "P333") == [
         "P330 2:22 Main/TryCatch/Grasp: the mission may end with what Grasp took still in the hand, when it "
-        "succeeds (on the way out, place it, or let 'SafeRetreat: {hand: open}' see to it)"
+        f"succeeds {AFTER}"
     ]

@@ -287,3 +287,17 @@ def test_a_call_that_shares_its_keys_hands_on_those_that_are_written() -> None:
     said = "trees.Main: Count reads the key 'limit' of its caller, which this call does not share"
     with pytest.raises(AssertionError, match=said):
         lint(written.replace("{_autoremap: true}", "{}", 1))
+
+
+def test_a_change_of_a_key_that_nothing_wrote_is_told_how_to_write_it() -> None:
+    for code in ("tries = 0", "tries += 1"):
+        (finding,) = lint(main(f"Script: {{code: '{code}'}}"), "P301")
+        assert finding.endswith(
+            "('tries := …' writes a key for the first time, '=' and '+=' only change one)"
+        )
+
+
+def test_no_fact_and_no_input_is_proposed_for_a_key_that_nothing_reads() -> None:
+    use = "Sequence: [{Observe: {objects: '{items}'}}, {Condition: {if: items_left and item != null}}]"
+    (finding,) = lint(f"trees: {{Main: {{ports: {{item: object}}, {use}}}}}", "P303")
+    assert finding.endswith("(an output that nobody needs is left out)")

@@ -8,8 +8,9 @@ from textwrap import dedent, indent
 
 import pytest
 
-from picktree.authoring.rehearsal import check_cases
+from picktree.authoring.rehearsal import check_cases, rehearse_files
 from picktree.authoring.rehearsal.case_checks import examine_cases
+from picktree.files import FileError
 from picktree.files.yaml import read_document
 
 from ..trees.rehearsing import faults_of, mission_of, nodes
@@ -48,7 +49,8 @@ def faults(case: str) -> list[str]:
          "'Main/Recover/Look' ('Look' stands at Main/Sequence/Look)"),
         ("'/': SUCCESS", "P703 6:7: /: the pattern is empty (as SortOne/Grasp)"),
         ("Recover: SUCCESS", "P704 6:7: Recover: 'Recover' is a node of the language (Recover), which "
-         "answers for itself (known: Look, Pick, Put, Go, Ready, Weigh)"),
+         "answers for itself (answer for the leaves below it, or set what it reads by 'facts' or 'objects'; "
+         "known: Look, Pick, Put, Go, Ready, Weigh)"),
         # Answers.
         ("Pick: 3", "P710 6:13: Pick: an answer is a status, a cause or a mapping, not 3 (as SUCCESS, or "
          "{cause: grasp.missed, ticks: 3})"),
@@ -169,7 +171,8 @@ def test_the_world_of_a_case(line: str, fault: str) -> None:
         ("{order: [Pick, Puts]}",
          "P703 5:28: order[1]: no node of the mission fits 'Puts' (did you mean 'Put'?)"),
         ("{order: [Recover]}", "P704 5:22: order[0]: 'Recover' is a node of the language (Recover), which "
-         "answers for itself (known: Look, Pick, Put, Go, Ready, Weigh)"),
+         "answers for itself (leave it out: 'order' lists skills and conditions; 'handled' and 'never' name "
+         "any node; known: Look, Pick, Put, Go, Ready, Weigh)"),
         ("{order: [{Pick: missed}]}", "P714 5:29: order[0].Pick: 'missed' is neither an outcome nor a cause "
          "(did you mean 'grasp.missed'?)"),
         ("{order: [{Pick: place.full}]}", "P706 5:29: order[0].Pick: Pick does not fail with place.full (it "
@@ -290,6 +293,8 @@ def test_without_a_mission_only_what_every_mission_knows_is_checked() -> None:
         expect: {status: SUCCESS, never: [Nobody]}
     """
     assert faults_of(text, None) == [
+        "P702 1:1: the file names no mission: its nodes, causes, outputs, keys and bins are not checked "
+        "(as 'mission: ../sorting.yaml')",
         "P711 5:13: cases.it.facts.hold: there is no fact 'hold' (did you mean 'holding'?)",
         "P705 6:24: cases.it.leaves.Whatever.cause: no cause is called 'grasp.gone' "
         "(did you mean 'grasp.double'?)",
@@ -312,7 +317,8 @@ def test_the_mission_beside_the_file_is_the_one_that_counts(tmp_path: Path) -> N
         "(did you mean 'Go'?)"
     ]
     assert found("none.yaml") == [
-        "P702 cases.yaml:3:10: mission: the mission cannot be read: none.yaml:1:1: there is no such file"
+        "P702 cases.yaml:3:10: mission: the mission cannot be read: none.yaml:1:1: there is no such file "
+        "(the path counts from this file's folder)"
     ]
     assert found("bad.yaml")[0].startswith(
         "P702 cases.yaml:3:10: mission: the mission cannot be read: bad.yaml:3:16: Main: unknown node 'Gone'"
@@ -320,6 +326,27 @@ def test_the_mission_beside_the_file_is_the_one_that_counts(tmp_path: Path) -> N
     assert found("lost.yaml")[0].startswith(
         "P702 cases.yaml:3:10: mission: the mission's scene cannot be read: "
     )
+
+
+def test_a_given_mission_is_the_one_that_the_file_names(tmp_path: Path) -> None:
+    given = tmp_path / "given.yaml"
+    for mission in (given, tmp_path / "other.yaml"):
+        mission.write_text("picktree: 1\nkind: mission\ntrees: {Main: {Sleep: {msec: 1}}}\n")
+    (tmp_path / "cases").mkdir()
+    cases = tmp_path / "cases" / "given.yaml"
+
+    def warnings(mission: str) -> list[str]:
+        cases.write_text(
+            f"picktree: 1\nkind: cases\nmission: {mission}\ncases: {{it: {{expect: {{status: SUCCESS}}}}}}\n"
+        )
+        return [f"{one.code} {one.message} ({one.hint})" for one in rehearse_files(given).warnings]
+
+    assert warnings("../given.yaml") == warnings("../cases/../given.yaml") == []
+    assert warnings("../other.yaml") == [
+        f"P702 the cases are played with {given}, not with this mission (write 'mission: ../given.yaml')"
+    ]
+    with pytest.raises(FileError, match=r"the mission cannot be read: .*there is no such file"):
+        warnings("../none.yaml")
 
 
 def test_a_given_mission_needs_no_mission_in_the_file(tmp_path: Path) -> None:

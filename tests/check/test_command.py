@@ -34,8 +34,11 @@ def check(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str]:
 
 def test_a_right_file(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "a.yaml").write_text(SCENE)
-    assert check(capsys, "a.yaml") == (0, "1 file, no faults\n")
-    assert check(capsys, "a.yaml", "./a.yaml", str(folder / "a.yaml")) == (0, "1 file, no faults\n")
+    assert check(capsys, "a.yaml") == (0, "1 file, no errors or warnings\n")
+    assert check(capsys, "a.yaml", "./a.yaml", str(folder / "a.yaml")) == (
+        0,
+        "1 file, no errors or warnings\n",
+    )
 
 
 def test_files_come_in_the_order_in_which_they_are_given(

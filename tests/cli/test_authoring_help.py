@@ -74,6 +74,7 @@ def test_a_plug_in_that_fails_is_bad_input(tmp_path: Path, capsys: pytest.Captur
     [
         ("schema scene --mission m.yaml", "--mission is for the schema of missions, not of scene"),
         ("nodes Grsp", "there is no node 'Grsp' (did you mean 'Grasp'?)"),
+        ("nodes Precondition", "there is no node 'Precondition' (write the condition at the node itself, "),
         ("schema mission -o /nowhere/at/all.json", "/nowhere/at/all.json cannot be written: "),
     ],
 )

@@ -112,5 +112,5 @@ def test_the_hook_takes_what_pre_commit_gives_it(missions: Path) -> None:
     assert program == "picktree"
     ran = call([*words, "missions/sort_by_colour.yaml", "compose.yaml"], missions)
     assert (ran.returncode, ran.stdout) == (
-        0, "1 file, no faults; 1 YAML file without 'picktree:' left out\n",
+        0, "1 file, no errors or warnings; 1 YAML file without 'picktree:' left out\n",
     )  # fmt: skip

@@ -51,7 +51,7 @@ def test_a_start_has_no_faults_and_no_warnings(
 ) -> None:
     begin(kind, tmp_path / "a" / "new one")
     assert answer(["check", "--strict", str(tmp_path)]) == 0
-    assert capsys.readouterr().out.strip().endswith("no faults")
+    assert capsys.readouterr().out.strip().endswith("no errors or warnings")
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -59,7 +59,7 @@ def test_a_skeleton_is_a_file_without_faults(
     (folder / "file.yaml").write_text(SKELETONS[kind], encoding="utf-8")
     monkeypatch.chdir(folder)
     assert answer(["check", "file.yaml"]) == 0
-    assert capsys.readouterr().out == "1 file, no faults\n"
+    assert capsys.readouterr().out == "1 file, no errors or warnings\n"
 
 
 @pytest.mark.parametrize(

@@ -92,7 +92,8 @@ def test_types(text: str, expected: ValueType | None) -> None:
         ("items.colour", "only an object has attributes, so a list, each an object's id has no 'colour'", 6),
         ("item.color == 'red'", "an object has no attribute 'color'; did you mean 'colour'?", 5),
         ("n - colour", "'-' does not work on a whole number and a text", 2),
-        ("colour + flag", "'+' does not work on a text and true/false", 7),
+        ("colour + flag", "'+' does not work on a text and true/false: it joins a text with a text or a "
+         "number", 7),
         ("-colour", "'-' does not work on a text", 0),
         ("items * 3", "'*' does not work on a list and a whole number", 6),
         ("n > colour", "'>' does not work on a whole number and a text", 2),

@@ -74,6 +74,12 @@ LEAVE_OUT = "leave it out, or put a text with it in quotes"
         # Numbers and references.
         (" Main: {Log: {message: '{a} of {b}'}}",
          "P221 1:24 port 'message': {a} is a part of the text '{a} of {b}', and is not replaced there "
+         '(a reference is the whole value: write "{= a + \' of \' + b}")'),
+        (" Main: {Log: {message: 'n: {= 1 + 1}'}}",
+         "P221 1:24 port 'message': {= 1 + 1} is a part of the text 'n: {= 1 + 1}', and is not replaced "
+         'there (a reference is the whole value: write "{= \'n: \' + (1 + 1)}")'),
+        (" Main: {GoTo: {pose: home, speed: 'fast {a}'}}",
+         "P221 1:35 port 'speed': {a} is a part of the text 'fast {a}', and is not replaced there "
          '(a reference is the whole value: write "{a}")'),
         (" Main: {Sleep: {msec: 1_000}}",
          "P220 1:23 port 'msec': '1_000': unknown unit '_000' (s, ms, us, min, h) (write 1000)"),

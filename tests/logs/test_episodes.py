@@ -392,6 +392,35 @@ def test_a_cause_is_told_in_a_line(case: str, line: str) -> None:
     assert list(cause_lines(counted(episodes(nodes, script))))[-1] == line
 
 
+@pytest.mark.parametrize(
+    ("last", "line", "planted"),
+    [
+        ("SUCCESS", "1 cured by Regrasp after 2 tries (PushFree failed before), 2.0 s lost", "cured"),
+        ("FAILURE", "none cured (tried: PushFree, Regrasp), 3.0 s lost", "given_up"),
+    ],
+)
+def test_a_cure_that_failed_before_another_ran_is_named(last: str, line: str, planted: str) -> None:
+    again = f"{CHOICE}/Regrasp"
+    nodes = tree("Main", CHOICE, f"{CHOICE}/Grasp", FREE, again)
+    script: Script = {
+        0.0: starts("Main", CHOICE, f"{CHOICE}/Grasp"),
+        1.0: [*fails(f"{CHOICE}/Grasp", "planning.no_path"), begins(FREE)],
+        1.5: [FaultEvent("the planner finds nothing", fault="no_plan")],
+        2.0: [*fails(FREE, "planning.no_path"), begins(again)],
+        3.0: (
+            fails(again, "planning.no_path", CHOICE, "Main")
+            if last == "FAILURE"
+            else succeed(again, CHOICE, "Main")
+        ),
+    }
+    decided = decisions(nodes, script)
+    (episode,) = (each for each in decided if isinstance(each, EpisodeEvent))
+    assert list(cause_lines(counted([episode]))) == [f"planning.no_path  1 seen, {line}"]
+    # A fault during the first cure is followed by that cure's failure, which the episode includes.
+    (fault,) = (each for each in decided if isinstance(each, FaultOutcomeEvent))
+    assert (fault.cause, fault.after, fault.end) == ("planning.no_path", 0.5, planted)
+
+
 def test_an_episode_names_item_times_and_who_cured_it_how() -> None:
     (episode,) = episodes(RECOVER, TWICE)
     assert episode == EpisodeEvent(

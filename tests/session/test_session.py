@@ -12,11 +12,12 @@ from pathlib import Path
 
 import pytest
 
-from picktree.files import PicktreeError
+from picktree.files import FileError, PicktreeError
 from picktree.logs import RunLog, RunResult
 from picktree.session import Observer, RunRequest, Session, frozen_before_runs
 from picktree.session.checkpoints import RunState
 from picktree.session.execution import TICK_LENGTH
+from picktree.session.run_recipe import read_recipe
 from picktree.simulation import TrueBody
 from picktree.trees import NodeStatus
 from picktree.world import Tick
@@ -170,6 +171,24 @@ def test_a_mission_without_a_scene_needs_one(tmp_path: Path) -> None:
     with pytest.raises(PicktreeError) as caught:
         Session(RunRequest(mission=mission))
     assert str(caught.value) == f"{mission}: the mission names no scene; add 'scene:' or give --scene"
+
+
+def test_a_run_refuses_the_mission_that_check_refuses(tmp_path: Path) -> None:
+    mission = tmp_path / "mission.yaml"
+    head = "picktree: 1\nkind: mission\nscene: sort_small\ntrees:\n  Main:\n"
+
+    def codes(main: str, **settings: str) -> list[str]:
+        mission.write_text(f"{head}    {main}\n")
+        try:
+            read_recipe(RunRequest(mission, parameters=settings))
+        except FileError as error:
+            return [fault.code for fault in error.faults]
+        return []
+
+    assert codes("ForEach: {in: '{itms}', out: '{item}', do: {Log: {message: '{item}'}}}") == ["P301"]
+    camera = "{ports: {eye: {type: string, default: lens}}, Observe: {camera: '{eye}'}}"
+    assert codes(camera) == ["P240"]
+    assert codes(camera, eye="overhead") == []
 
 
 def test_a_folder_that_is_a_file_is_refused_before_anything_runs(tmp_path: Path) -> None:

@@ -26,6 +26,8 @@ def faults(text: str) -> list[str]:
     ("text", "fault"),
     [
         ("trees: {Main: Take}", "3:15: Main/Take: port 'object' is missing: what to take"),
+        ("trees: {Main: {SubTree: {ID: Pick, item: a}}, Pick: {ports: {item: object}, AlwaysSuccess: {}}}",
+         "3:16: Main: unknown node 'SubTree' (a tree is used by its name: write 'Pick: {item: …}')"),
         ("trees: {Main: {Take: {object: red_1, colour: 3}}}",
          "3:46: Main/Take: port 'colour': 3 is not a text; write it in quotes (its colour)"),
         ("trees: {Main: {Take: {object: red_1, hand: rihgt}}}",

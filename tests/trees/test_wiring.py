@@ -99,10 +99,12 @@ def test_what_fits_is_quiet(wired: str) -> None:
         ("count: '{w}'", "P237 7:22: port 'count': {w} is a number, not a whole number (Measure)"),
         ("length: '{t}'", "P237 7:23: port 'length': {t} is a text, not a number (Measure)"),
         ("flag: '{n}'", "P237 7:21: port 'flag': {n} is a whole number, not true or false (Measure)"),
-        ("text: '{n}'", "P237 7:21: port 'text': {n} is a whole number, not a text (Measure)"),
+        ("text: '{n}'", "P237 7:21: port 'text': {n} is a whole number, not a text (Measure; join it to a "
+         "text, as \"{= 'text ' + n}\")"),
         ("one: '{t}'", "P237 7:20: port 'one': {t} is a text, not an object's id (Measure)"),
         ("one: '{os}'",
-         "P237 7:20: port 'one': {os} is a list, each an object's id, not an object's id (Measure)"),
+         "P237 7:20: port 'one': {os} is a list, each an object's id, not an object's id (Measure; "
+         'one of it is "{= os[0]}", and ForEach takes all in turn)'),
         ("one: '{o.colour}'", "P237 7:20: port 'one': {o.colour} is a text, not an object's id (Measure)"),
         ("one: '{o.destination}'",
          "P237 7:20: port 'one': {o.destination} is the name of a place, not an object's id (Measure)"),
@@ -120,12 +122,17 @@ def test_what_fits_is_quiet(wired: str) -> None:
         ("_skipIf: 'n > t'", "P226 7:27: _skipIf: '>' does not work on a whole number and a text"),
         ("_skipIf: 'm > 3'", "P227 7:25: _skipIf: unknown name 'm'; known: n, w, f, s, t, o, os, xs, what, "
          "items_left, items_to_do, holding, held_object, stopped, feed_exhausted, items_done, time"),
+        ("_skipIf: 'items_left > 3'", "P226 7:36: _skipIf: '>' does not work on true/false and a whole "
+         "number (items_left is true/false)"),
+        ("_skipIf: 'holding == 4'",
+         "P226 7:33: _skipIf: true/false and 4 are never equal (holding is true/false)"),
         ("_while: 'item_left'", "P227 7:24: _while: unknown name 'item_left'; did you mean 'items_left'?"),
         ("_post: 'a := 1; b := a - s'",
          "P226 7:38: _post: 'b': '-' does not work on a whole number and a text"),
         ("count: '{= n / 2}'", "P237 7:22: port 'count': {= n / 2} is a number, not a whole number (round "
          'it, as "{= round(n / 2)}")'),
-        ("one: '{= os}'", "P237 7:20: port 'one': {= os} is a list, each an object's id, not an object's id"),
+        ("one: '{= os}'", "P237 7:20: port 'one': {= os} is a list, each an object's id, not an object's id "
+         '(one of it is "{= os[0]}", and ForEach takes all in turn)'),
         ("side: \"{= 'up' if f else 'down'}\"", "P237 7:21: port 'side': {= 'up' if f else 'down'}: 'up' is "
          "not a choice; known: left, right"),
         ("count: '{= n - t}'", "P226 7:28: port 'count': '-' does not work on a whole number and a text"),
@@ -145,7 +152,7 @@ def test_what_fits_is_quiet(wired: str) -> None:
 def test_what_does_not_fit_is_said_where_it_arrives(wired: str, fault: str) -> None:
     (found,) = after_measure(f"Use: {{{wired}}}")
     found = found.replace("Main/Sequence/Use: ", "", 1)
-    assert found.replace("(Main/Sequence/Measure writes it, line 6)", "(Measure)") == fault
+    assert found.replace("(Main/Sequence/Measure writes it, line 6", "(Measure") == fault
 
 
 def test_a_literal_keeps_its_value_on_the_way() -> None:

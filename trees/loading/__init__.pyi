@@ -15,6 +15,7 @@ from .loader import (
     examine as examine,
     load_surroundings as load_surroundings,
     read_mission as read_mission,
+    required_mission as required_mission,
     scene_names as scene_names,
 )
 from .plugin import PLUGINS_VARIABLE as PLUGINS_VARIABLE, load_plugin as load_plugin

@@ -369,7 +369,7 @@ class NodeSpecReader:
         if IDENTIFIER.fullmatch(identity):
             library = dict(library_trees()).get(identity)
             taken = f"take it from the library: include: [{library}]" if library else ""
-            foreign = foreign_word(identity) or taken
+            foreign = self._called_tree(identity, body) or foreign_word(identity) or taken
             hint = foreign or self._faults.nearest(identity, (*self._trees, *self._registry.ids()))
             detail, near = "", bool(foreign) or hint.startswith("did you mean")
             if not near:
@@ -396,6 +396,16 @@ class NodeSpecReader:
             self._children.listed(inner, at, site.trail, ChildNames())
         elif inner is not None and at != loc:
             self.node(inner, at, site.trail, ChildNames())
+
+    def _called_tree(self, identity: str, body: Value) -> str:
+        """Return what to write for BehaviorTree.CPP's call of a tree of this mission; "" for another node."""
+        if identity not in ("SubTree", "SubTreePlus") or not isinstance(body, dict):
+            return ""
+        name = body.get("ID")
+        if not isinstance(name, str) or name not in self._trees:
+            return ""
+        ports = ", ".join(f"{key}: …" for key in body if key != "ID")
+        return f"a tree is used by its name: write '{name}{f': {{{ports}}}' if ports else ''}'"
 
     # A sub-tree.
 

@@ -5,7 +5,7 @@ are found and reported at once.
 from __future__ import annotations
 
 import posixpath
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from graphlib import CycleError
 from pathlib import Path
@@ -523,13 +523,21 @@ def read_mission(
 ) -> Mission:
     """Check a document of kind `mission`. Raises FileError with all its errors, and for a library."""
     reading = examine(document, registry, files, facts)
-    faults = [fault for fault in reading.faults if fault.severity == "error"]
-    if not faults and reading.mission.library:
+    return required_mission(reading.mission, reading.faults)
+
+
+def required_mission(mission: Mission | None, faults: Iterable[Diagnostic]) -> Mission:
+    """Return a mission that can be run. Raises FileError with the errors among its faults, and for a library.
+
+    `mission`: None where it could not be read; `faults` has errors then.
+    """
+    errors = [fault for fault in faults if fault.severity == "error"]
+    if not errors and mission is not None and mission.library:
         message = "this file is for inclusion: it has no tree 'Main' to begin with"
-        faults.append(document.fault(("library",), message, code="P206"))
-    if faults:
-        raise FileError(faults)
-    return reading.mission
+        errors.append(mission.document.fault(("library",), message, code="P206"))
+    if errors or mission is None:
+        raise FileError(errors)
+    return mission
 
 
 def examine(

@@ -119,8 +119,33 @@ def _inner_reference(value: Value) -> str | None:
     """Return the first reference inside a longer text or a list; None without one."""
     if isinstance(value, list):
         return next(filter(None, map(_inner_reference, value)), None)
-    found = references.REFERENCE_IN_TEXT.search(value) if isinstance(value, str) else None
+    found = references.VALUE_IN_TEXT.search(value) if isinstance(value, str) else None
     return found[0] if found is not None else None
+
+
+def _joined(text: str) -> str:
+    """Return a text with references in it as one expression; empty when that has no short form.
+
+    >>> _joined("picked {item} of {= n + 1}")
+    "{= 'picked ' + item + ' of ' + (n + 1)}"
+    """
+    parts: list[str] = []
+    end = 0
+    for found in references.VALUE_IN_TEXT.finditer(text):
+        between = text[end : found.start()]
+        parts += [f"'{between}'"] if between or not parts else []
+        inner = found[0][1:-1].removeprefix("=").strip()
+        parts.append(inner if references.REFERENCE_IN_TEXT.fullmatch(f"{{{inner}}}") else f"({inner})")
+        end = found.end()
+    parts += [f"'{text[end:]}'"] if text[end:] else []
+    if parts[0] == "''" and len(parts) > 2 and parts[2].startswith("'"):
+        del parts[0]  # the text after the first value makes a text of the sum
+    joined = " + ".join(parts)
+    try:
+        Expression.parse(joined)
+    except expression_syntax.ExpressionError:
+        return ""
+    return "" if set(joined) & set('"\\\n') else f"{{= {joined}}}"
 
 
 class PortReader:
@@ -162,7 +187,7 @@ class PortReader:
             if reference is not None:
                 return self._reference(port, reference, loc, trail)
         inner = _inner_reference(value) if port.takes == "value" and port.type.name != "expression" else None
-        if inner is not None:
+        if inner is not None and not (inner == value and inner.startswith("{=")):
             self._inner_reference_fault(port, value, inner, loc, trail)
             return None
         if port.direction == "out" or port.takes == "key":
@@ -198,7 +223,8 @@ class PortReader:
             message = (
                 f"port {port.key!r}: {inner} is a part of the text {show(value)}, and is not replaced there"
             )
-            hint = f'a reference is the whole value: write "{inner}"'
+            joined = _joined(str(value)) if port.type.name in ("string", "any") else ""
+            hint = f'a reference is the whole value: write "{joined or inner}"'
         self._fault(loc, trail, message, hint, code="P221")
 
     def _reference(
