@@ -71,7 +71,7 @@ def test_a_crashed_job_is_recorded_again_when_it_was_run(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("sql", "message"),
     [
-        ("DELETE FROM jobs", "it would change the results; a query only reads them"),
+        ("DELETE FROM jobs", "the query would change the results; a query may only read them"),
         ("SELECT * FROM job", "no such table: job (did you mean 'jobs'?)"),
         ("SELECT sucess FROM success", "no such column: sucess"),
         ("SELECT jobs.sed FROM jobs", "no such column: jobs.sed (did you mean 'seed'?)"),

@@ -173,7 +173,7 @@ def stood(killed: Path, tmp_path_factory: pytest.TempPathFactory) -> RunResult:
     """The killed run when it has gone on as things stood."""
     out = tmp_path_factory.mktemp("stood")
     with Resumption(ResumeRequest(killed, out=out, as_it_stands=True)) as resumption:
-        assert resumption.description.endswith(": it looks first")
+        assert resumption.description.endswith("; the robot looks first")
         session = resumption.session()
         # The fingers hold an item: that the checkpoint told them to open is over.
         assert session.execution.world.gripper.overdue_failure() is None
@@ -190,7 +190,7 @@ def test_it_goes_on_as_things_stood_and_looks_first(
         assert (run.info.continues.as_it_stands, run.info.continues.items_done) == (True, 1)
         assert told(run, "put_down") == ["in_hand is put down"]
         first, felt, looked = told(run, "took_stock")
-        assert first == "the run goes on as things stand: it looks first, with the belief of before"
+        assert first == "the run goes on as things stand; the robot looks first, with the belief of before"
         assert felt.startswith("something is in the hand: opening ")
         assert looked == "looked: nothing more is done; 3 to be done"
         names = [at.record.data["object"] for at in run.events if at.record.kind == "pick"]
@@ -233,7 +233,7 @@ def test_a_run_that_was_killed_before_its_first_tick_goes_on_where_it_began(
     cut = killed_at_once(alone.folder, tmp_path / "cut")
     for stands in (False, True):
         with Resumption(ResumeRequest(cut, as_it_stands=stands)) as resumption:
-            assert resumption.description.endswith(": the run begins anew")
+            assert resumption.description.endswith(": the run starts from the beginning")
             assert resumption.recipe.start is None
     with Resumption(ResumeRequest(killed, out=tmp_path, as_it_stands=True)) as resumption:
         stood = resumption.recipe.start
@@ -269,7 +269,7 @@ def test_a_run_at_its_limit_goes_on_with_a_later_one(folder: Path, alone: RunRes
         f"{ended.log}: the run was ended at its limit, 0.50 s; give a later one, as in --limit '60 s'"
     )
     with Resumption(ResumeRequest(ended.folder, out=tmp_path, limit=60.0)) as resumption:
-        assert resumption.description == f"{ended.log} has no checkpoint: the run begins anew"
+        assert resumption.description == f"{ended.log} has no checkpoint: the run starts from the beginning"
         assert resumption.recipe.limit == 60.0
 
 
