@@ -100,7 +100,7 @@ def test_what_lies_in_the_bin_is_not_told_to_be_in_the_hand(tmp_path: Path) -> N
 def test_items_without_a_destination_are_told_as_such(tmp_path: Path) -> None:
     scene = "destinations: [{where: \"colour == 'red'\", to: red_bin}]\n"
     found = blind(run(tmp_path, scene=scene))
-    assert "(1 of all belong nowhere by the scene's rules)" in found.outcome.sentence
+    assert "(the scene's rules give 1 of all items no destination)" in found.outcome.sentence
 
 
 GRASPED, PLACED = (f"{line}\n" for line in MISSION.splitlines() if "Grasp:" in line or "Place:" in line)

@@ -208,7 +208,7 @@ def test_nothing_is_deleted_where_nobody_can_be_asked(
 ) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO())
     assert answer(["runs", str(runs), "--where", "seed == 0", "--prune"]) == 2
-    assert "say --yes where nobody can be asked" in capsys.readouterr().err
+    assert "give --yes when there is no terminal to confirm it" in capsys.readouterr().err
     assert len(rows(runs)) == 2
 
 
