@@ -429,7 +429,10 @@ class RecoveryNode(RecoveryControl):
     """
 
     parts = children(
-        "what is to succeed, and what may cure its failure", least=2, most=2, labels=("", "recovery")
+        "the child that must succeed, and the child that may cure its failure",
+        least=2,
+        most=2,
+        labels=("", "recovery"),
     )
     number_of_retries: In[int] = port("maximum number of runs of the second child", default=1, least=0)
     attempt: Out[int] = port("number of the present or last attempt: 1, 2, …")

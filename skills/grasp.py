@@ -46,7 +46,7 @@ class Grasp(Skill):
     )
     servo: In[bool] = port(
         "whether the hand stops over the object and corrects the grasp by an image of the hand "
-        "camera, if it has one",
+        "camera, if the robot has one",
         default=True,
     )
     causes = (

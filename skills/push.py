@@ -33,9 +33,10 @@ class Push(Skill):
         "others, unrecognised objects first",
         default=ObjectId(""),
     )
-    to: In[list[float]] = port("goal of its middle: x, y in the world", unit="m", default=[])
+    to: In[list[float]] = port("goal of the object's middle: x, y in the world", unit="m", default=[])
     yaw: In[float | None] = port(
-        "goal of its heading, as seen from above; a symmetric object takes the nearest equal heading; "
+        "goal of the object's heading, as seen from above; a symmetric object takes the nearest "
+        "equal heading; "
         "by default any",
         unit="rad",
         default=None,
@@ -50,10 +51,10 @@ class Push(Skill):
         default=False,
     )
     tolerance: In[float] = port(
-        "maximum distance of its middle from the goal", unit="m", default=0.0015, above=0
+        "maximum distance of the object's middle from the goal", unit="m", default=0.0015, above=0
     )
     turned: In[float] = port(
-        "maximum angle of its heading from the goal", unit="rad", default=math.radians(1.5), above=0
+        "maximum angle of the object's heading from the goal", unit="rad", default=math.radians(1.5), above=0
     )
     strokes: In[int] = port("maximum number of strokes", default=8, least=1, most=50)
     speed: In[float] = port("speed of the tool during a push", unit="m/s", default=0.05, above=0, most=0.2)

@@ -117,7 +117,7 @@ def test_what_we_ship_is_looked_at_by_its_own_line_that_names_a_schema(server: L
         ("- Delay: {delay_msec: 5 N, do: GoTo}", 29, 'a number in ms, or as "2 s", or a reference'),
         ("- GoTo: {speed: 1.5}", 23, "Value is above the maximum of 1."),
         ("- Grasp: {force: 20 N}", 9, 'Missing property "object".'),
-        ("- Grasp", 9, "no node of this name is valid without ports or children"),
+        ("- Grasp", 9, "a node of this name needs ports or children"),
         (
             "- SafeRetreat: {hand: opn}",
             29,

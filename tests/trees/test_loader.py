@@ -67,7 +67,7 @@ def faults(text: str) -> list[str]:
          "3:45: Main/Switch: 'cases' is a mapping: what is done for each value"),
         ("trees: {Main: {Switch: {variable: 1}}}",
          "3:16: Main/Switch: 'cases' is missing: what is done for each value"),
-        ("name: x", "1:1: 'trees:' is missing (it holds 'Main:' and the sub-trees)"),
+        ("name: x", "1:1: 'trees:' is missing ('trees:' holds 'Main:' and the sub-trees)"),
         ("trees: {Main: {ports: {}}}", "3:9: trees.Main: the tree 'Main' has no node"),
         ("trees: {Main: AlwaysSuccess, sort one: AlwaysSuccess}",
          "3:30: trees.sort one: 'sort one' is not an ID (a letter or '_', then letters, digits and '_')"),
@@ -81,7 +81,7 @@ def faults(text: str) -> list[str]:
         ("tress: {}\ntrees: {Main: AlwaysSuccess}",
          "3:1: tress: a mission has no key 'tress' (did you mean 'trees'?)"),
         ("goal: sortde == 4\ntrees: {Main: AlwaysSuccess}",
-         "3:7: goal: a goal knows no 'sortde' (did you mean 'sorted'?)"),
+         "3:7: goal: a goal cannot use 'sortde' (did you mean 'sorted'?)"),
         ("goal: sorted == total and left == 'none'\ntrees: {Main: AlwaysSuccess}",
          "3:32: goal: a whole number and a text are never equal"),
     ],
@@ -117,7 +117,7 @@ def test_all_faults_of_a_file_are_reported_at_once() -> None:
         "10:43: Main/Sequence/Nowhere/Inverter: unknown node 'Alwaysfailure' (did you mean 'AlwaysFailure'?)",
         "11:15: Main/Sequence/Sub: Sub has no port 'x' (known: y, name, breakpoint)",
         "13:23: trees.Sub.ports.y.type: unknown type 'nothing' (did you mean 'string'?)",
-        "14:5: Sub/Repeat: one of 'num_cycles' and 'while' must be given, or it would never end",
+        "14:5: Sub/Repeat: one of 'num_cycles' and 'while' must be given, or the loop would never end",
         "14:18: Sub/Repeat: unknown node 'Tak' (did you mean 'Take'?)",
     ]
 
