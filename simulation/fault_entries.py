@@ -84,7 +84,7 @@ class WhenFile(file_models.FileModel):
     delay: file_models.Duration | None = None
     """Delay after the node's start; none unless given. Only with `node`."""
     each: file_models.Flag | None = None
-    """true: the fault repeats at each later start of the node. Only with `node`."""
+    """true: at this start of the node and at each later one. Only with `node`."""
 
     def value(self) -> When:
         if self.node is None:

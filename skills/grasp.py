@@ -31,7 +31,7 @@ class Grasp(Skill):
     object: In[ObjectId] = port("the object to grasp")
     force: In[float] = port(
         "maximum grip force of each finger: the applied force follows from weight and friction, and "
-        "is limited by this, by the item (`force_limit`) and by the gripper",
+        "is limited by this port, by the item (`force_limit`) and by the gripper",
         unit="N",
         default=70.0,
         above=0,
