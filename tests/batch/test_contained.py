@@ -27,7 +27,7 @@ ENDS = {
     10: "with open(HERE / 'elsewhere', 'wb') as file:\n    while True: file.write(b'x' * 10**7)",
 }
 """What a job does by its seed. 11 goes on for ever, 0 and 12 do nothing."""
-OUTSIDE = "which came from outside: by hand, or for want of memory on the machine"
+OUTSIDE = "the signal came from outside: a person sent it, or the machine ran out of memory"
 FOUND = {
     0: ("success", "", 1),
     1: ("crashed", "its process was ended by SIGSEGV, at trouble.py:24 in trouble_1", 2),
@@ -36,7 +36,7 @@ FOUND = {
     4: ("crashed", "it called sys.exit(3)", 2),
     5: ("crashed", "the job was interrupted, by its own code or from outside", 2),
     6: ("failure", "ValueError while Trouble was ticked: no such luck (trouble.py, line 39)", 1),
-    7: ("crashed", f"its process was ended by SIGKILL, {OUTSIDE}", 2),
+    7: ("crashed", f"its process was ended by SIGKILL; {OUTSIDE}", 2),
     8: ("crashed", "the job took more than 700 MB of memory, at trouble.py:45 in trouble_8", 2),
     9: ("crashed", "the job wrote more than 50 MB to the disk, at trouble.py:48 in trouble_9", 2),
     10: ("failure", "OSError while Trouble was ticked: [Errno 27] File too large (trouble.py, line 52)", 1),

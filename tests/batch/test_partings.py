@@ -76,4 +76,4 @@ def test_logs_that_are_there_are_compared_as_they_are(
     assert told[-4] == "  seed 0: only A reached its goal"
     assert re.match(r"  seed 1: only A reached its goal; the runs diverge at tick \d+, ", told[-3])
     assert re.match(r"    \S.* diff .*/batch/jobs/.* .*/batch/jobs/", told[-2])
-    assert told[-1].startswith("of 1 a log was not kept: ")
+    assert told[-1].startswith("seeds without a log: 1; ")

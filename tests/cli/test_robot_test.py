@@ -196,7 +196,7 @@ def test_a_run_that_sees_nothing_says_that_the_arm_is_in_the_way(
     assert answer([*arguments, "--backend", "kinematic"]) == 1
     shown = capfd.readouterr().out
     assert (
-        "incomplete: the tree ended in SUCCESS, but the goal is missed: the arm hides where the items are"
+        "incomplete: the tree ended in SUCCESS, but the goal is missed: the arm hides the place of the items"
         in shown
     )
     assert "'home' under 'poses:' in arm.yaml" in shown

@@ -222,7 +222,7 @@ def test_hover_over_a_bare_node(mission: Editor) -> None:
 def test_hover_over_a_port(mission: Editor) -> None:
     assert mission.hover(f'{MISSION}      - Grasp: {{object: "{{item}}", fo|rce: 20 N}}\n') == (
         "#### Grasp\n\nmaximum grip force of each finger: the applied force follows from weight and "
-        "friction, and is limited by this, by the item (`force_limit`) and by the gripper\n\n"
+        "friction, and is limited by this port, by the item (`force_limit`) and by the gripper\n\n"
         '*number in N, or as "20 N"; more than 0; default: 70 N*'
     )
 

@@ -196,7 +196,7 @@ def test_the_command_lists_filters_and_prunes(runs: Path, capsys: pytest.Capture
     assert head.split() == ["written", "status", "sorted", "lost", "s", "seed", "mission", "cause", "folder"]
     assert [line.split()[-1] for line in lines] == [newest.folder, first.folder]
     assert answer(["runs", str(runs), "--prune"]) == 2
-    assert "say what with --where CONDITION, or --keep N" in capsys.readouterr().err
+    assert "choose them with --where CONDITION or --keep N" in capsys.readouterr().err
     assert answer(["runs", str(runs), "--keep", "1", "--prune", "--yes"]) == 0
     assert capsys.readouterr().err == f"1 of 1 runs, {first.size / 1e6:.1f} MB deleted\n"
     assert rows(runs) == [newest]

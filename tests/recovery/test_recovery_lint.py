@@ -104,6 +104,6 @@ def test_what_is_done_instead_comes_before_other_handlers_and_may_succeed() -> N
         f"instead: {{place.*: {REJECT}}}", "when: {place.full: SafeRetreat}", "otherwise: SafeRetreat"
     ) == ["'place.full' is never used"]
     assert heard("instead: {place.full: {Log: {message: full}}}", "otherwise: SafeRetreat") == [
-        "the hand may still hold the object of Grasp took still in the hand, "
+        "the hand may still hold the object of Grasp at the end of the mission, "
         "when Grasp or Place fails and the mission continues"
     ]

@@ -245,7 +245,7 @@ def test_a_run_that_was_killed_before_its_first_tick_goes_on_where_it_began(
     with Resumption(ResumeRequest(cut, as_it_stands=True)) as resumption:
         at = f"at {stood.state.time:.2f} s, 1 item done"
         assert resumption.description.endswith(
-            f" has no tick of its own: it resumes where that run did, {at}"
+            f" has no tick of its own: the run resumes from its own start, {at}"
         )
         assert resumption.recipe.start == stood
 
