@@ -531,9 +531,7 @@ def _cut_off(run: RunRecord, visits: Sequence[node_visits.Visit], end: float) ->
     if ended and ended != "orderly":
         return f"the run was ended at {end:.2f} s by an error of the program ({ended}){_doing(visits)}"
     if following := _next_file(run):
-        return (
-            f"this file of the log ends at {end:.2f} s, and the run continues in {following}{_doing(visits)}"
-        )
+        return f"this file of the log ends at {end:.2f} s{_doing(visits)}; the run continues in {following}"
     if run.log.in_progress:
         return f"the run is still in progress: its log has come to {end:.2f} s{_doing(visits)}"
     if run.log.lacks_result:

@@ -146,7 +146,7 @@ def test_a_file_of_a_rotated_log_that_another_continues_is_not_called_killed(tmp
         found = log.explanation
     assert (found.outcome.status, found.root_causes) == ("continued", ())
     assert found.outcome.sentence == (
-        "this file of the log ends at 1.95 s, and log-0003.mcap goes on while Delay was running"
+        "this file of the log ends at 1.95 s while Delay was running; the run continues in log-0003.mcap"
     )
     with Run(max(folder.glob("log-*.mcap"))) as log:
         assert log.explanation.outcome.status == "incomplete"

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from picktree.robot import World
     from picktree.trees import Doing
 
-FIRST = "the run goes on as things stand; the robot looks first, with the belief of before"
+FIRST = "the run goes on as things stand: it looks first, with the belief of before"
 
 
 def cell(**counts: int) -> tuple[Cell, KinematicHardware]:

@@ -190,7 +190,7 @@ def test_it_goes_on_as_things_stood_and_looks_first(
         assert (run.info.continues.as_it_stands, run.info.continues.items_done) == (True, 1)
         assert told(run, "put_down") == ["in_hand is put down"]
         first, felt, looked = told(run, "took_stock")
-        assert first == "the run goes on as things stand; the robot looks first, with the belief of before"
+        assert first == "the run goes on as things stand: it looks first, with the belief of before"
         assert felt.startswith("something is in the hand: opening ")
         assert looked == "looked: nothing more is done; 3 to be done"
         names = [at.record.data["object"] for at in run.events if at.record.kind == "pick"]
