@@ -199,8 +199,8 @@ def difference_lines(apart: message_differences.MessageDifference) -> Iterator[s
     of = f" ({apart.of})" if apart.of else ""
     yield f"different from tick {apart.tick} on, {apart.time:.2f} s: {apart.topic}{field}{of}"
     if apart.missing:
-        only = "now" if apart.missing == "a" else "recorded"
-        yield f"  there is such a message only {only}"
+        only = "new" if apart.missing == "a" else "recorded"
+        yield f"  only the {only} run has this message"
     elif not apart.field:
         yield "  the bytes differ, the values do not"
     else:

@@ -74,7 +74,7 @@ def notes(run: Run) -> tuple[str, ...]:
     for name, (digest, path) in _files(run).items():
         now = _present_hash(name, Path(path)) if path and name in run.log.attachments else None
         if now is not None and now != digest:
-            found.append(f"{path} was edited since; what the log holds was run")
+            found.append(f"{path} was edited after the run; the version in the log was run")
     return tuple(found)
 
 
@@ -109,7 +109,7 @@ def _changed_attachments(run: Run) -> Iterator[Reason]:
         if name in run.log.attachments:
             held = hashlib.sha256(run.log.attachment(name)).hexdigest()
             if held != digest:
-                yield Reason(f"{name} in the log is not what was run", "", "")
+                yield Reason(f"{name} in the log differs from the version that was run", "", "")
 
 
 def _sources(run: Run) -> Iterator[Reason]:
@@ -133,7 +133,7 @@ def _modules(run: Run) -> Iterator[Reason]:
             source = Path(spec.origin) if spec and spec.origin else None
             now = _hash(source) if source else None
             if now != hashlib.sha256(run.log.attachment(name)).hexdigest():
-                yield Reason(f"the plug-in {module} is another now", "", "")
+                yield Reason(f"the plug-in {module} has changed since", "", "")
 
 
 def _meshes(run: Run) -> Iterator[Reason]:
@@ -142,7 +142,7 @@ def _meshes(run: Run) -> Iterator[Reason]:
         if name.startswith(run_recipe.ROBOT_MESHES) and name not in run.log.attachments:
             now = _hash(Path(path))
             if now is not None and now != digest:
-                yield Reason(f"the robot's mesh {path} is another now", "", "")
+                yield Reason(f"the robot's mesh {path} has changed since", "", "")
 
 
 def _differing_values(before: Mapping[str, str], now: Mapping[str, str]) -> Iterator[Reason]:
@@ -220,7 +220,7 @@ class Resimulation:
         else:
             lines += difference_lines(apart)
             if apart.tick:
-                lines.append(f"the {self.ticks} ticks before are the same")
+                lines.append(f"the {self.ticks} earlier ticks are the same")
             lines += self._why()
         if self.outcomes is not None:
             lines += ["", *outcome_table(*self.outcomes, "recorded", "now")]
@@ -264,14 +264,14 @@ class Resimulation:
         text = f"{what}: {self.ticks} ticks, {self.seconds:.2f} simulated s"
         if self.changes:
             return text
-        return f"{text}, digest {self.digest[:16]}" if self.exact else f"{text}, in all that this log tells"
+        return f"{text}, digest {self.digest[:16]}" if self.exact else f"{text}, as far as this log shows"
 
     def _why(self) -> Iterator[str]:
         first = "besides" if self.changes else "likely why"
         for n, reason in enumerate(self.reasons):
             yield f"{first if n == 0 else '':<10}  {reason}"
         if not self.reasons and not self.changes:
-            yield "likely why  nothing in the log is otherwise: not picktree, its libraries, the arithmetic."
+            yield "likely why  unknown: picktree, its libraries and the arithmetic are those of the log."
             yield "            Possible causes: a clock, the order of a set or a global generator in a"
             yield "            plug-in, or a fault of picktree"
 
@@ -481,7 +481,7 @@ def _run_in_process(order: ResimOrder, progress: Callable[[float], None]) -> Res
     if process.returncode == 130:
         raise KeyboardInterrupt
     if process.returncode != 0 or answer is None or answer.at is not None:
-        raise RuntimeError(f"the process that runs it again ended with {process.returncode}")
+        raise RuntimeError(f"the process for the repeated run ended with exit code {process.returncode}")
     if answer.error:
         raise PicktreeError(answer.error)
     return answer

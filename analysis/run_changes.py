@@ -95,7 +95,9 @@ def apply_changes(changes: RunChanges, recorded: run_recipe.Recipe) -> ChangedRe
         sentences += _mission_changes(recorded, mission)
         recipe = replace(recipe, mission=mission)
         if changes.scene is None and mission.scene != recorded.mission.scene:
-            sentences.append(f"it names the scene {mission.scene}; this run keeps {recorded.scene.name}")
+            sentences.append(
+                f"the mission names the scene {mission.scene}; this run keeps {recorded.scene.name}"
+            )
     parameters, dropped = _settings(recipe, changes.settings)
     sentences += [
         f"the mission has no {name!r}, which the run had set to {dropped[name]}" for name in dropped

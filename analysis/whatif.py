@@ -127,7 +127,7 @@ class Continuation:
             return f"from the beginning: there is no checkpoint at or before {moment}"
         requested = f"the last checkpoint before {moment}"
         if self.start_tick == self.at_tick:
-            requested = "the tick that was asked for"
+            requested = "the requested tick"
         name = self.checkpoint.removesuffix(".json")
         start = f"tick {self.start_tick}, {self.start:.2f} s, {self.items_done} items done"
         return f"from {name}, {requested}: {start}"
@@ -137,7 +137,7 @@ class Continuation:
         if nodes is None:
             return
         fresh, gone = len(nodes.fresh), len(nodes.gone)
-        yield f"nodes       {nodes.kept} keep their state, {fresh} begin anew, {gone} are gone"
+        yield f"nodes       {nodes.kept} keep their state, {fresh} start without a state, {gone} are gone"
         for word, paths in (("anew", nodes.fresh), ("gone", nodes.gone)):
             for path in paths[:_MAX_NAMED_NODES]:
                 yield f"  {word}      {path}"
@@ -147,7 +147,7 @@ class Continuation:
     def _same(self) -> str:
         what = "the same" if self.changes else "identical continuation"
         if self.cut:
-            what += " as far as the record goes"
+            what += " up to the end of the recorded run"
         how = ", byte for byte" if self.exact and not self.changes else ""
         return f"{what}: {self.ticks} ticks{how}"
 

@@ -17,7 +17,7 @@ HEAD = "picktree: 1\nkind: scene\nbase: sort_small\n"
 STRUCK = "<item>"
 """Stands in `names` for the item that a fault struck."""
 NONE = "none"
-SILENT = "nothing else in the log tells"
+SILENT = "nothing else in the log shows"
 """Reason of a finding that only repeats the words of a failure."""
 
 Verdict: TypeAlias = Literal["right", "partly", "wrong", "does not tell", "nothing happened"]

@@ -108,7 +108,7 @@ def find_file(name_or_path: str, folder: Path, beside: Path | None, what: str) -
     """
     at = beside.parent if beside is not None and not is_folder(beside) else beside
     if "\x00" in name_or_path or not name_or_path:
-        raise PicktreeError(f"{name_or_path!r} is no name of a {what}")
+        raise PicktreeError(f"{name_or_path!r} is not the name of a {what}")
     if "/" in name_or_path or name_or_path.endswith((".yaml", ".yml")):
         path = at / name_or_path if at is not None else Path(name_or_path)
         if not is_file(path):

@@ -72,7 +72,9 @@ def arithmetic_difference(recorded: Arithmetic, now: Arithmetic, where: str = "h
         differing += _pairs(recorded.kernels, now.kernels, where)
         if not differing:
             differing = [f"other results of {' and '.join(probes)} {where}"]
-    return f"recorded with other arithmetic ({'; '.join(differing)}): the runs may part" if differing else ""
+    return (
+        f"recorded with other arithmetic ({'; '.join(differing)}): the runs may diverge" if differing else ""
+    )
 
 
 def _pairs(recorded: Mapping[str, str], now: Mapping[str, str], where: str) -> list[str]:

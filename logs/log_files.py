@@ -296,11 +296,11 @@ def find_log(where: str | Path) -> Path:
         parts = [part.name for part in part_paths(inside).values()]
         there = f"; it holds {', '.join(parts)}, which open by their own names" if parts else ""
         if any(path.glob(f"*/{LOG_NAME}")):
-            there = f"; there are runs in it: name one, or let `picktree explain {path}` tell of all"
+            there = f"; there are runs in it: name one, or run `picktree explain {path}` for all of them"
         if (path / BATCH_RESULTS).is_file():
             there = (
                 f"; it is a batch: name one of its jobs, as {path}@seed=0; "
-                f"`picktree batch report {path}` tells of all jobs, "
+                f"`picktree batch report {path}` describes all jobs, "
                 f"`picktree resim {path}@seed=0` makes a log that was not kept"
             )
         raise PicktreeError(f"{path}: there is no {LOG_NAME} in this folder{there}")

@@ -75,15 +75,15 @@ class Visit:
     number: Annotated[int, "number of the visit, in order of the starts"]
     path: Annotated[str, "path of the node"]
     id: Annotated[str, "registered name of the node, such as `Grasp`"]
-    parent: Annotated[int | None, "number of the parent's visit around this one; empty for the root"]
+    parent: Annotated[int | None, "number of the parent's visit that contains this visit; empty for the root"]
     item: Annotated[str, "object that the visit concerns; empty without an object"]
     """Subject of the visit, or of the nearest visit around it. An iteration's element counts as a subject."""
     attempt: Annotated[int, "number of visits of the node for this item so far, this one included"]
     start: Annotated[float, "start, simulated", "s"]
-    end: Annotated[float, "end, or that of the log when the visit had not ended, simulated", "s"]
+    end: Annotated[float, "end of the visit, or of the log when the visit had not ended, simulated", "s"]
     first: Annotated[int, "number of the first tick, 0 for the first of the log"]
     last: Annotated[int, "number of the last tick"]
-    outcome: Annotated[str, "SUCCESS, FAILURE, SKIPPED or HALTED; RUNNING when the log ends before"]
+    outcome: Annotated[str, "SUCCESS, FAILURE, SKIPPED or HALTED; RUNNING when the log ends first"]
     inputs: Annotated[Values, "values read through references at the start, by port"] = field(
         default_factory=_no_values
     )

@@ -55,13 +55,16 @@ COLUMNS: Final[Mapping[str, tuple[ValueType, str]]] = {
     "sorted": (INT, "number of items at their destination"),
     "total": (INT, "number of items with a destination"),
     "misplaced": (INT, "number of items at a wrong place"),
-    "held": (INT, "number of grasps that held"),
+    "held": (INT, "number of grasps that held the item"),
     "seconds": (FLOAT, "simulated time, s"),
     "lost": (FLOAT, "simulated time lost by failures, s"),
-    "cause": (TEXT, "cause of failures that lost most time, those done instead left out; empty without one"),
+    "cause": (
+        TEXT,
+        "cause of the failures that lost most time, outcome done_instead left out; empty without failures",
+    ),
     "causes": (list_of(TEXT), "all causes of failures, the one that lost most time first"),
     "age": (FLOAT, "time since the last write to the log, days"),
-    "folder": (TEXT, "path of the run's folder or log below the listed folder"),
+    "folder": (TEXT, "path of the run's folder or log, relative to the listed folder"),
 }
 """Names of a filter, with their types and meanings."""
 

@@ -317,8 +317,8 @@ class RunLog:
         first = next(self.ticks(), None)
         if first is not None and first.time > 0 and not self.run.continues and not self.recovered:
             raise PicktreeError(
-                f"{self.path}: the log begins at {first.time:.2f} s of a cell whose arm moved or whose hand "
-                "was full, and does not say how it came to that; record what belongs together as one tree, "
+                f"{self.path}: the log begins at {first.time:.2f} s, after the arm had moved or the hand had "
+                "taken something, and it does not contain these actions; record all of them as one tree, "
                 "`cell.run(pt.Sequence(…), log=…)`"
             )
 

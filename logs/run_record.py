@@ -78,7 +78,9 @@ class RunRecord:
             parts += [result.status, f"{items.sorted} of {items.total} items sorted" if items.total else ""]
         else:
             parts.append(
-                "no result: it was left out" if self.status == "unknown" else "no result: it was cut off"
+                "no result: the result was left out of the log"
+                if self.status == "unknown"
+                else "no result: the log was cut off"
             )
         return f"<{type(self).__name__} {self.path}: {', '.join(part for part in parts if part)}>"
 

@@ -96,7 +96,7 @@ class CrushedItem:
 
     def to_text(self) -> str:
         """Return a line for a terminal."""
-        pressed = f"a finger pressed with {self.force:.0f} N, and it bears {self.limit:g} N"
+        pressed = f"a finger pressed with {self.force:.0f} N, and the item withstands {self.limit:g} N"
         return f"{self.item}, a {self.colour} {self.kind}: {pressed}"
 
 
@@ -299,7 +299,7 @@ class RunResult:
         """Return a line when the verifier was in use."""
         if self.disagreements is None:
             return []
-        return [f"verified    {self.disagreements} trajectories judged otherwise by the second checker"]
+        return [f"verified    the second checker disagreed on {self.disagreements} trajectories"]
 
     def _rate(self) -> str:
         rate = self.seconds_per_pick

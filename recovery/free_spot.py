@@ -52,7 +52,7 @@ class FreeSpot(Skill):
     """
 
     object: In[ObjectId] = port("the held object")
-    at: Out[list[float]] = port("place of its underside: x, y, z in the world", unit="m")
+    at: Out[list[float]] = port("place of the object's underside: x, y, z in the world", unit="m")
     causes = (place.OCCUPIED, grasp.SLIPPED, world_causes.UNKNOWN_OBJECT)
 
     def run(self, world: World) -> Steps:

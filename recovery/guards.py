@@ -70,7 +70,7 @@ class CauseIs(CauseGuard):
         unknown = (p for p in patterns if not any(matches(p, cause) for cause in all_causes()))
         return tuple(
             PortProblem(
-                "of", f"{pattern!r} is no cause and no family of causes", suggest_name(pattern, names)
+                "of", f"{pattern!r} is neither a cause nor a family of causes", suggest_name(pattern, names)
             )
             for pattern in unknown
         )

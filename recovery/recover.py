@@ -429,7 +429,10 @@ class RecoveryNode(RecoveryControl):
     """
 
     parts = children(
-        "what is to succeed, and what may cure its failure", least=2, most=2, labels=("", "recovery")
+        "the child that must succeed, and the child that may cure its failure",
+        least=2,
+        most=2,
+        labels=("", "recovery"),
     )
     number_of_retries: In[int] = port("maximum number of runs of the second child", default=1, least=0)
     attempt: Out[int] = port("number of the present or last attempt: 1, 2, …")
@@ -532,15 +535,17 @@ class Recover(RecoveryControl):
     cause: Out[str] = port("cause of the failure that is being handled; empty before the first")
     message: Out[str] = port("message of that failure")
     failed: Out[str] = port("path of the node with that failure")
-    body = child("what is to succeed")
-    handlers = table("cause, or family of causes, and what may cure it", key="when", of="cause")
-    otherwise = optional_child("what may cure all other causes", key="otherwise")
+    body = child("the child that must succeed")
+    handlers = table(
+        "cause, or family of causes, and its handler, which may cure the failure", key="when", of="cause"
+    )
+    otherwise = optional_child("handler of all other causes", key="otherwise")
     endings = table(
-        "cause, or family of causes, and what is done in place of `do`, which is not tried again",
+        "cause, or family of causes, and the child that runs instead of `do`, which is not tried again",
         key="instead",
         of="cause",
     )
-    last_resort = optional_child("what is done before failing for good", key="give_up")
+    last_resort = optional_child("child that runs before the node finally fails", key="give_up")
 
     @classmethod
     def check_ports(cls, given: PortValues) -> tuple[str, ...]:

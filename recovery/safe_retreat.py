@@ -31,7 +31,7 @@ class SafeRetreat(Skill):
     pose: In[str] = port("named pose of the robot to end in", default="home", names="pose")
     hand: In[Literal["keep", "open", "put_down"]] = port(
         "treatment of a held object: keep it, open the hand and drop it here, or put it down on a "
-        "free spot below on the way",
+        "free spot on the way to the pose",
         default="keep",
     )
     speed: In[float] = port(

@@ -142,8 +142,10 @@ def moved_sources(before: Mapping[str, str], now: Mapping[str, str]) -> str:
     moved = same + edited
     if not moved:
         return ""
-    one = "1 file has another place" if moved == 1 else f"{moved} files have other places"
-    return f"the sources have moved since ({one}{f', {edited} of them changed' if edited else ''})"
+    one = "1 file was moved" if moved == 1 else f"{moved} files were moved"
+    return (
+        f"the source files have moved since the run ({one}{f', {edited} of them changed' if edited else ''})"
+    )
 
 
 def _moves(

@@ -352,7 +352,7 @@ class Execution:
             self.tree.read_again({f"{MAIN}/{name}" for name in names})
         except Failure as failure:
             raise PicktreeError(
-                f"the running mission does not take what was set: {failure.message}"
+                f"the running mission does not accept the new value: {failure.message}"
             ) from None
 
     def _look_first(self) -> Tick | None:

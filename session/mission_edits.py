@@ -43,7 +43,10 @@ def read_edited(current: Mission, known: SceneNames, *, own_scene: bool, file: P
         raise PicktreeError(f"{edited.document.mark(('scene',))}: {message}")
     changed = _changed(current.parameters, edited.parameters)
     if changed:
-        message = f"the mission's parameter {changed!r} is another than at the start; that needs a new run"
+        message = (
+            f"the mission's parameter {changed!r} differs from its value at the start; such a "
+            "change needs a new run"
+        )
         raise PicktreeError(f"{edited.document.mark(('trees', 'Main', 'ports'))}: {message}")
     return edited
 

@@ -180,6 +180,6 @@ class WallClockPacer(Observer):
         limit, longest = self._watchdog / self._factor, max(self._gaps)
         times = "once" if len(self._gaps) == 1 else f"{len(self._gaps)} times"
         return (
-            f"pace: {times} a tick came later than {limit * 1000:.0f} ms after the one before, "
-            f"by the clock ({longest * 1000:.0f} ms at most): the watchdog of a robot would have braked there"
+            f"pace: {times} the next tick came after more than {limit * 1000:.0f} ms of wall time "
+            f"(at most {longest * 1000:.0f} ms): the watchdog of a robot would have braked the arm"
         )

@@ -49,18 +49,18 @@ def recipe_from_truth(recorded: RecordedRun) -> tuple[Recipe, str, float]:
     if found is not None:
         name, known = found
         recipe, knows = recorded.from_checkpoint(name, known), known.time
-        knowledge = f"its knowledge is of {name.removesuffix('.json')}, {known.time:.2f} s"
+        knowledge = f"the belief is from {name.removesuffix('.json')}, {known.time:.2f} s"
     else:
         recipe = recorded.recipe()
         if recipe.start is not None:
             name, known = START_ATTACHMENT, recipe.start.state
-            knows, knowledge = known.time, f"its knowledge is of the run's own start, {known.time:.2f} s"
+            knows, knowledge = known.time, f"the belief is from the start of the run, {known.time:.2f} s"
         else:
             name, known, knows, knowledge = (
                 "",
                 Execution(recipe).checkpoint(NOTHING_RECORDED),  # nothing is seen or done yet
                 _NEVER_WRITTEN,
-                "there is no checkpoint: it has no knowledge",
+                "there is no checkpoint: the belief is empty",
             )
     snapshot = checkpoints.snapshot_at_rest(recipe.backend, last.simulation, len(recipe.robot.joints))
     state = replace(
@@ -79,7 +79,10 @@ def recipe_from_truth(recorded: RecordedRun) -> tuple[Recipe, str, float]:
     continues = log_records.ResumedFrom(
         str(run.path.absolute()), name, time, known.items_done, state.recording.digest, as_it_stands=True
     )
-    text = f"resuming {run.path} from its last state at {time:.2f} s, at rest; {knowledge}: it looks first"
+    text = (
+        f"resuming {run.path} from its last state at {time:.2f} s, at rest; {knowledge}; the robot "
+        "looks first"
+    )
     return replace(recipe, start=StartCheckpoint(state, continues)), text, knows
 
 
@@ -268,9 +271,9 @@ def _from_start(recorded: RecordedRun, why: str) -> tuple[Recipe, str, float]:
     recipe = recorded.recipe()
     before = recipe.start
     if before is None:
-        return recipe, f"{run.path} {why}: the run begins anew", _NEVER_WRITTEN
+        return recipe, f"{run.path} {why}: the run starts from the beginning", _NEVER_WRITTEN
     text = (
-        f"{run.path} {why} of its own: it resumes where that run did, at {before.state.time:.2f} s, "
+        f"{run.path} {why} of its own: the run resumes from its own start, at {before.state.time:.2f} s, "
         f"{_done(before.state.items_done)}"
     )
     return recipe, text, before.state.time

@@ -632,7 +632,7 @@ class RecipeFile:
         except OSError as error:
             raise PicktreeError(f"{path}: the recipe cannot be read: {error.strerror}") from None
         except (zipfile.BadZipFile, KeyError, ValidationError):
-            raise PicktreeError(f"{path}: no recipe of a batch, or a damaged one") from None
+            raise PicktreeError(f"{path}: not a recipe of a batch, or a damaged recipe") from None
         self.attachments = tuple(name for name in self._archive.namelist() if name != HEADER_NAME)
         self._folder = tempfile.TemporaryDirectory(prefix="picktree-")
 

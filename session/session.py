@@ -150,8 +150,9 @@ def _hidden(run: Execution, status: RunStatus) -> str:
         return ""
     file = Path(run.recipe.robot.source).name
     return (
-        f"the arm hides where the items are, {', '.join(parts)}, and nothing was grasped; move 'home' under "
-        f"'poses:' in {file} out of the cameras' view (`picktree robot test` measures it)"
+        f"the arm hides the place of the items, {', '.join(parts)}, and nothing was grasped; move "
+        "'home' under "
+        f"'poses:' in {file} out of the cameras' view (`picktree robot test` measures the hidden share)"
     )
 
 

@@ -212,7 +212,7 @@ def _validated(kind: type[T], plain: object, of: str) -> T:
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
-        raise PicktreeError(f"no checkpoint of {of}: {where}: {first['msg']}") from None
+        raise PicktreeError(f"not a valid checkpoint of {of}: {where}: {first['msg']}") from None
 
 
 @cache  # built on first use: a run needs that of its own backend only

@@ -76,7 +76,7 @@ class WhenFile(file_models.FileModel):
     at: file_models.Duration | None = None
     """Simulated time since the run began."""
     every: LastingTime | None = None
-    """Interval at which it repeats. Only with `at`."""
+    """Interval at which the fault repeats. Only with `at`."""
     node: NodePattern | None = None
     """Starting node: its name, or a path such as SortOne/Grasp; '*' and '?' match other letters."""
     start: Count | None = None
@@ -84,7 +84,7 @@ class WhenFile(file_models.FileModel):
     delay: file_models.Duration | None = None
     """Delay after the node's start; none unless given. Only with `node`."""
     each: file_models.Flag | None = None
-    """true: at each of the node's starts, from that one on. Only with `node`."""
+    """true: at this start of the node and at each later one. Only with `node`."""
 
     def value(self) -> When:
         if self.node is None:
@@ -118,8 +118,8 @@ class Fault(file_models.FileValue):
     when: Annotated[When, file_models.ReadAs(WhenFile, WhenFile.value)]
     """Occasion of the fault."""
     probability: Probability = field(default=1.0, kw_only=True)
-    """Probability that it happens, at each of its occasions. Drawn from the run's seed, from a stream of its
-    own."""
+    """Probability of the fault at each of its occasions. Drawn from the run's seed, from a separate
+    stream."""
 
 
 KINDS: Final[dict[str, type[Fault]]] = {}
@@ -395,7 +395,7 @@ class FaultExpectation(file_models.FileValue):
     lost: Annotated[int, Strict(), Field(ge=0)] = 0
     """Number of items that can physically not be sorted any more."""
     roots: tuple[str, ...] = ()
-    """Root causes by which an explanation names it correctly, or families such as item.*."""
+    """Root causes that are correct in an explanation of the run, or families such as item.*."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

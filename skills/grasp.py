@@ -31,7 +31,7 @@ class Grasp(Skill):
     object: In[ObjectId] = port("the object to grasp")
     force: In[float] = port(
         "maximum grip force of each finger: the applied force follows from weight and friction, and "
-        "is limited by this, by the item (`force_limit`) and by the gripper",
+        "is limited by this port, by the item (`force_limit`) and by the gripper",
         unit="N",
         default=70.0,
         above=0,
@@ -46,7 +46,7 @@ class Grasp(Skill):
     )
     servo: In[bool] = port(
         "whether the hand stops over the object and corrects the grasp by an image of the hand "
-        "camera, if it has one",
+        "camera, if the robot has one",
         default=True,
     )
     causes = (

@@ -72,11 +72,13 @@ class Present(Skill):
     """
 
     object: In[ObjectId] = port("the object to present, which the hand holds")
-    camera: In[str] = port("the fixed camera to hold it before", default="overhead", names="camera")
+    camera: In[str] = port(
+        "the fixed camera in front of which the hand holds the object", default="overhead", names="camera"
+    )
     looks: In[int] = port("maximum number of looks: 2 for both sides of the hand", default=2, least=1, most=2)
     until_classified: In[bool] = port(
-        "whether it ends as soon as the properties in the scene's `destinations` are known, without a "
-        "look if they are known before",
+        "whether the node ends as soon as the properties in the scene's `destinations` are known; it does "
+        "not look when they are already known",
         default=False,
     )
     speed: In[float] = port(

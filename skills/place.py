@@ -29,7 +29,7 @@ class Place(Skill):
         "the bin to place it into; not needed with `at`", default=ObjectId(""), names="bin"
     )
     at: In[list[float]] = port(
-        "place of its underside, instead of `into`: x, y, z in the world", unit="m", default=[]
+        "place of the object's underside, instead of `into`: x, y, z in the world", unit="m", default=[]
     )
     speed: In[float] = port(
         "share of the joints' speed limits: 1 for the full limits", default=1.0, above=0, most=1

@@ -29,14 +29,14 @@ class Push(Skill):
     """
 
     object: In[ObjectId] = port(
-        "the object to push, or to make room around; by default, with `singulate`, the one closest to "
+        "the object to push, or to make room around; by default, with `singulate`, the object closest to "
         "others, unrecognised objects first",
         default=ObjectId(""),
     )
-    to: In[list[float]] = port("goal of its middle: x, y in the world", unit="m", default=[])
+    to: In[list[float]] = port("goal of the object's middle: x, y in the world", unit="m", default=[])
     yaw: In[float | None] = port(
-        "goal of its heading, as seen from above; a symmetric object takes the nearest equal heading; "
-        "by default any",
+        "goal of the object's heading, as seen from above; a symmetric object takes the nearest "
+        "equal heading; by default any heading",
         unit="rad",
         default=None,
     )
@@ -45,15 +45,15 @@ class Push(Skill):
     )
     distance: In[float] = port("length of a push along a line", unit="m", default=0.0, least=0, most=1)
     singulate: In[bool] = port(
-        "whether to push it, or its neighbours, until the hand fits around it; without a push when it "
-        "fits already",
+        "whether to push the object or its neighbours until the hand fits around the object; no push when "
+        "the hand already fits",
         default=False,
     )
     tolerance: In[float] = port(
-        "maximum distance of its middle from the goal", unit="m", default=0.0015, above=0
+        "maximum distance of the object's middle from the goal", unit="m", default=0.0015, above=0
     )
     turned: In[float] = port(
-        "maximum angle of its heading from the goal", unit="rad", default=math.radians(1.5), above=0
+        "maximum angle of the object's heading from the goal", unit="rad", default=math.radians(1.5), above=0
     )
     strokes: In[int] = port("maximum number of strokes", default=8, least=1, most=50)
     speed: In[float] = port("speed of the tool during a push", unit="m/s", default=0.05, above=0, most=0.2)

@@ -623,8 +623,8 @@ class Switch(ControlNode):
     """
 
     variable: In[object] = port("the value to match; it is read at every tick")
-    cases = table("what is done for each value", key="cases", required=True, matches="variable")
-    default = optional_child("what is done for all other values", key="default")
+    cases = table("child for each value", key="cases", required=True, matches="variable")
+    default = optional_child("child for all other values", key="default")
     causes = (tree.NO_CASE,)
 
     @classmethod

@@ -453,7 +453,10 @@ class ArrivingValue:
     def hints(self) -> list[str]:
         """Describe target and origin of the value."""
         file = self.at.mark.file
-        goes = f"it goes to the port {self.target.key!r} of {self.node.id}, {self.node.mark.describe(file)}"
+        goes = (
+            f"the value goes to the port {self.target.key!r} of {self.node.id}, "
+            f"{self.node.mark.describe(file)}"
+        )
         wired = self.at.text.startswith("{") and self.source.mark != self.at.mark
         comes = [self.source.describe(file)] if wired else []
         if (

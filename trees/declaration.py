@@ -137,7 +137,7 @@ def declare(node: type, body: NodeBody, reserved: Collection[str]) -> NodeDeclar
         raise PicktreeError(f"node {identity!r}: an ID is a letter or '_', then letters, digits and '_'")
     doc = inspect.getdoc(node) if node.__doc__ else None
     if not doc:
-        raise PicktreeError(f"node {identity}: it needs a docstring, which people read in the reference")
+        raise PicktreeError(f"node {identity}: the class needs a docstring, for the reference of nodes")
     make_descriptors(node, identity, reserved)
     ports = tuple(d.declaration for d in _members(node) if isinstance(d, In | Out))
     slots = tuple(d.declaration for d in _members(node) if isinstance(d, Slot))
@@ -148,7 +148,7 @@ def declare(node: type, body: NodeBody, reserved: Collection[str]) -> NodeDeclar
     inputs = [p.key for p in ports if p.direction == "in"]
     for passed in (p.like or p.each_of for p in ports):
         if passed is not None and passed not in inputs:
-            raise PicktreeError(f"node {identity}: it has no input {passed!r} to pass on")
+            raise PicktreeError(f"node {identity}: the class has no input {passed!r} to pass on")
     return NodeDeclaration(
         identity,
         doc,

@@ -189,7 +189,7 @@ class RunOnce(Decorator):
     """
 
     then_skip: In[bool] = port(
-        "result from the second time on: SKIPPED (true), or the first result again (false)", default=True
+        "result of the second and later runs: SKIPPED (true), or the first result again (false)", default=True
     )
     remembers = ("_first_answer", "_first_failure")
     _first_answer: str = ""
@@ -232,7 +232,7 @@ class Repeat(Decorator):
     def check_ports(cls, given: PortValues) -> tuple[str, ...]:
         if given.any_of("num_cycles", "while"):
             return ()
-        return ("one of 'num_cycles' and 'while' must be given, or it would never end",)
+        return ("one of 'num_cycles' and 'while' must be given, or the loop would never end",)
 
     def on_start(self) -> None:
         self._cycles = 0
@@ -358,7 +358,7 @@ class ForEach(Decorator):
     def check_ports(cls, given: PortValues) -> tuple[str | PortProblem, ...]:
         if given.number("most") != 0:
             return ()
-        return (PortProblem("most", "of 0 elements the child never runs", "at least 1, or -1 for all"),)
+        return (PortProblem("most", "with 0 elements the child never runs", "at least 1, or -1 for all"),)
 
     def on_start(self) -> None:
         self._items = list(self.items) if self.most < 0 else self.items[: self.most]
@@ -419,7 +419,7 @@ class ForEach(Decorator):
 class EntryNode(Node, abstract=True):
     """Node that checks whether a key was written since its last check. A write of an equal value counts."""
 
-    entry: In[object] = port("the key whose writes count", takes="key")
+    entry: In[object] = port("the key whose writes the node watches", takes="key")
     remembers = ("_updated",)
     _updated: bool | None = None
     """Whether the key was written since the last check; None before the first check."""

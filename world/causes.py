@@ -54,7 +54,9 @@ class planning:
     NO_IK = Cause("planning.no_ik", "No joint configuration reaches the pose.", "try another candidate")
     NO_PATH = Cause("planning.no_path", "No path free of collision was found.", "replan with another seed")
     START_IN_COLLISION = Cause(
-        "planning.start_in_collision", "The arm is believed to touch something where it is.", "retreat safely"
+        "planning.start_in_collision",
+        "By the belief, the arm touches something at its present configuration.",
+        "retreat safely",
     )
     START_OUTSIDE = Cause(
         "planning.start_outside",
@@ -74,7 +76,7 @@ class planning:
         "No motion keeps the path constraint over its whole length.",
         "relax the constraint, or start elsewhere",
     )
-    BLOCKED = Cause("planning.blocked", "The way that was planned is not free any more.", "plan again")
+    BLOCKED = Cause("planning.blocked", "The planned path is not free any more.", "plan again")
     WORKSPACE = Cause("planning.workspace", "The goal lies outside of the workspace.", "ask for another goal")
     ANY = Family("planning")
 
@@ -123,7 +125,7 @@ class control:
     """Causes of control: tracking, time limits, or the gripper."""
 
     TRACKING = Cause("control.tracking", "The arm did not follow its trajectory.", "retreat safely")
-    TIMEOUT = Cause("control.timeout", "A motion took longer than it may.", "retreat safely")
+    TIMEOUT = Cause("control.timeout", "A motion took longer than its time limit.", "retreat safely")
     GRIPPER = Cause("control.gripper", "The fingers did not follow a command.", "reset the gripper")
     ANY = Family("control")
 
@@ -132,18 +134,20 @@ class safety:
     """Causes of safety stops."""
 
     FORCE_LIMIT = Cause("safety.force_limit", "The force at the wrist exceeded its limit.", "retreat safely")
-    SPEED_LIMIT = Cause("safety.speed_limit", "A joint moved faster than it may.", "retreat safely")
+    SPEED_LIMIT = Cause("safety.speed_limit", "A joint moved faster than its limit.", "retreat safely")
     WORKSPACE = Cause("safety.workspace", "The tool left the workspace.", "retreat safely")
     JOINT_LIMIT = Cause("safety.joint_limit", "A joint came too close to its limit.", "retreat safely")
     ACCELERATION_LIMIT = Cause(
-        "safety.acceleration_limit", "A joint would be accelerated more than it may be.", "plan again"
+        "safety.acceleration_limit", "A joint would be accelerated beyond its limit.", "plan again"
     )
     SINGULARITY = Cause(
         "safety.singularity", "The arm came to a singular configuration.", "go there by a planned motion"
     )
     TRAJECTORY = Cause("safety.trajectory", "A trajectory is not sound.", "correct its source")
-    TORQUE_LIMIT = Cause("safety.torque_limit", "A joint was loaded more than it may be.", "retreat safely")
-    PAYLOAD = Cause("safety.payload", "The hand carries more than it may.", "let go of it, set it aside")
+    TORQUE_LIMIT = Cause("safety.torque_limit", "A joint was loaded beyond its limit.", "retreat safely")
+    PAYLOAD = Cause(
+        "safety.payload", "The hand carries more than the greatest payload.", "let go of it, set it aside"
+    )
     STALE_SENSOR = Cause(
         "safety.stale_sensor", "A sensor gives no new readings.", "wait, then retreat safely"
     )
@@ -159,7 +163,7 @@ class world:
     """Causes in the world: an unknown object, or a scene that differs from the belief."""
 
     UNKNOWN_OBJECT = Cause("world.unknown_object", "No such object is known.", "observe")
-    DISTURBED = Cause("world.disturbed", "The scene changed while it was acted on.", "observe again")
+    DISTURBED = Cause("world.disturbed", "The scene changed during an action on it.", "observe again")
     ANY = Family("world")
 
 

@@ -67,7 +67,8 @@ def decomposed(mesh: TriangleMesh) -> list[Array]:
             break
     if excess > MAX_EXCESS:
         raise MeshError(
-            f"the mesh is too intricate: {MAX_PARTS} convex parts are {100 * excess:.0f} % larger than it",
+            f"the mesh is too intricate: {MAX_PARTS} convex parts are {100 * excess:.0f} % larger "
+            "than the mesh",
             "leave out threads, ribs and engravings",
         )
     return best

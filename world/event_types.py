@@ -40,14 +40,14 @@ class FailureDecidedEvent(JournalEvent, kind="failure_decided"):
     cause: Annotated[str, "cause of the failure"]
     time: Annotated[float, "time of the failure, simulated", "s"]
     fate: Annotated[Fate, "outcome: cured, done_instead, passed_over, branched, ended or open"]
-    by: Annotated[str, "path of the node that decided it; empty when open"]
+    by: Annotated[str, "path of the node that decided the outcome; empty when open"]
 
 
 class EpisodeEvent(JournalEvent, kind="episode"):
     """An episode is decided: one cause from its first failure, at `node`, to the decision about it."""
 
     cause: Annotated[str, "cause of its failures"]
-    item: Annotated[str, "object that it is about; empty when unknown"]
+    item: Annotated[str, "object that the failure concerns; empty when unknown"]
     times: Annotated[tuple[float, ...], "times of its failures, simulated", "s"]
     end: Annotated[End, "outcome: cured, done_instead, given_up, unhandled or open"]
     ended: Annotated[float, "time of the decision, simulated", "s"]
@@ -78,7 +78,7 @@ class FaultOutcomeEvent(JournalEvent, kind="fault_outcome"):
 
     fault: Annotated[str, "kind of the fault"]
     time: Annotated[float, "time of the fault, simulated", "s"]
-    item: Annotated[str, "id of the item in the simulation; empty when the fault is about none"]
+    item: Annotated[str, "id of the item in the simulation; empty when the fault concerns no item"]
     cause: Annotated[str, "cause of the first failure after the fault; empty when none came"]
     after: Annotated[float | None, "time from the fault to that failure, simulated", "s"] = None
     end: Annotated[End | None, "end of that failure's episode"] = None
@@ -89,7 +89,7 @@ class BudgetEvent(JournalEvent, kind="budget"):
 
     cause: Annotated[str, "cause of the failure"]
     failed: Annotated[str, "path of the node that failed"]
-    object: Annotated[str, "object of the budget; empty for one over all"]
+    object: Annotated[str, "object of the budget; empty for a budget over all objects"]
     tries: Annotated[int, "number of handlers that ran"]
     seconds: Annotated[float, "simulated time spent", "s"]
 
@@ -141,7 +141,7 @@ class HelpWantedEvent(JournalEvent, kind="help_wanted"):
 
     reason: Annotated[str, "question"]
     choices: Annotated[tuple[str, ...], "possible answers"]
-    object: Annotated[str, "id of the object that it is about"]
+    object: Annotated[str, "id of the object that the request concerns"]
     situation: Annotated[str, "situation in the robot's belief"]
 
 
@@ -212,7 +212,7 @@ class BinExchangedEvent(JournalEvent, kind="bin_exchanged"):
     """A bin was exchanged for an empty one."""
 
     bin: Annotated[str, "id of the bin"]
-    items: Annotated[int, "number of items that left with it"]
+    items: Annotated[int, "number of items that left with the bin"]
     number: Annotated[int, "number of the exchange"]
 
 
@@ -240,7 +240,7 @@ class FaultEvent(JournalEvent, kind="fault"):
     item: Annotated[str | None, "id of the item in the simulation"] = None
     obstacle: Annotated[str | None, "id of the obstacle"] = None
     skill: Annotated[str | None, "path of the skill"] = None
-    waits: Annotated[bool | None, "true: it waits for its place to be free"] = None
+    waits: Annotated[bool | None, "true: the item waits until its place is free"] = None
     gone: Annotated[bool | None, "true: it has ended"] = None
 
     @property
@@ -278,7 +278,7 @@ class PickEvent(JournalEvent, kind="pick"):
     object: ObjectOf
     form: Annotated[str, "form of the object"] = ""
     candidate: Annotated[str, "name of the chosen grasp"] = ""
-    held: Annotated[bool, "whether the hand then held it"]
+    held: Annotated[bool, "whether the hand then held the object"]
     first_try: Annotated[bool | None, "whether it was the first try at this object"] = None
     width: Annotated[float | None, "opening after closing", "m"] = None
     load: Annotated[float | None, "weight at the wrist after lifting", "N"] = None
@@ -289,7 +289,7 @@ class PresentEvent(JournalEvent, kind="present"):
     """A thing in the hand was looked at from near."""
 
     object: ObjectOf
-    whole: Annotated[bool, "whether it was seen from both sides of the hand"]
+    whole: Annotated[bool, "whether the camera saw the object from both sides of the hand"]
     colours: Annotated[tuple[str, ...], "colours of its surface, the largest first"] = ()
     tags: Annotated[tuple[str, ...], "numbers of the ArUco tags that were read on it"] = ()
     size: Annotated[float | None, "greatest distance of two seen points", "m"] = None
@@ -439,7 +439,7 @@ class CalibrationShotEvent(JournalEvent, kind="calibration_shot"):
     """A camera saw the calibration target. Poses are position (m) and quaternion xyzw."""
 
     camera: Annotated[str, "name of the camera"]
-    on_hand: Annotated[bool, "whether the hand carries it"]
+    on_hand: Annotated[bool, "whether the hand carries the camera"]
     intrinsics: Annotated[tuple[float, ...], "width, height, fx, fy, cx, cy", "pixels"]
     tcp: Annotated[tuple[float, ...], "pose of the TCP in the world"]
     believed: Annotated[tuple[float, ...], "believed pose of the optical frame"]

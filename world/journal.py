@@ -235,11 +235,13 @@ class Candidate:
     orientation: Annotated[Quaternion, "orientation of the TCP at closing in the world, quaternion xyzw"]
     score: Annotated[float, "rank, lowest first: seconds with bonuses and penalties", "s"]
     verdict: Annotated[str, "`accepted`, or the reason of the refusal"]
-    place: Annotated[str, "first place that it would have led to; empty when none was tried"] = ""
-    stage: Annotated[str, "stage that it did not pass; of the accepted one the last that it passed"] = ""
+    place: Annotated[str, "first place to which the grasp would have led; empty when none was tried"] = ""
+    stage: Annotated[
+        str, "stage that the candidate did not pass; for the accepted candidate its last stage"
+    ] = ""
     by: Annotated[str, "obstacle: an id of the scene or a part of the robot; empty without one"] = ""
     gap: Annotated[float, "distance to the obstacle, negative for a penetration; 0 when unknown", "m"] = 0.0
-    count: Annotated[int, "number of the grasp's places that dropped out alike"] = 1
+    count: Annotated[int, "number of this grasp's places that were rejected for the same reason"] = 1
 
 
 @dataclass(frozen=True)

@@ -106,7 +106,7 @@ def parse_mesh(raw: bytes, path: Path) -> TriangleMesh:
     if len(faces) > MAX_TRIANGLES:
         raise MeshError(f"the mesh has {len(faces):,} triangles", f"{MAX_TRIANGLES:,} at most; simplify it")
     if faces.min() < 0 or faces.max() >= len(vertices):
-        raise MeshError("the mesh has faces of vertices that it lacks")
+        raise MeshError("the mesh has faces with vertices that are missing")
     # Vertices without a face are no part of the body.
     used, places = np.unique(faces, return_inverse=True)
     vertices, faces = vertices[used], places.reshape(-1, 3).astype(np.int64)
@@ -193,7 +193,7 @@ def _format(raw: bytes, path: Path) -> str:
         return "dae"
     suffix = path.suffix.lower().removeprefix(".")
     if suffix not in FORMATS:
-        raise MeshError(f"{path.name} is no mesh file that is read here", f"known: {', '.join(FORMATS)}")
+        raise MeshError(f"{path.name} is not a mesh file of a known format", f"known: {', '.join(FORMATS)}")
     return suffix
 
 
@@ -243,7 +243,7 @@ def _collada_unit(raw: bytes) -> float:
         length = math.nan
     if not (math.isfinite(length) and length > 0):
         raise MeshError(
-            f'the mesh has <unit meter="{text}">, which is no length',
+            f'the mesh has <unit meter="{text}">, which is not a length',
             'as <unit meter="0.001"> for millimetres',
         )
     return length

@@ -215,7 +215,7 @@ def _unified(a: bytes, b: bytes) -> tuple[str, ...]:
 DIVERGENCE_TEXTS: Mapping[How, str] = {
     "type": "is of another type",
     "inputs": "begins with other inputs",
-    "outcome": "ends otherwise",
+    "outcome": "ends differently",
     "cause": "fails with another cause",
     "length": "takes another time",
     "order": "another node begins",
@@ -227,7 +227,7 @@ def parting_lines(parting: Divergence) -> Iterator[str]:
     a, b = parting.a, parting.b
     same = a is not None and b is not None and parting.how not in ("order", "end")
     if parting.how != "end":
-        yield f"they part at {parting.time:.2f} s: {_divergence_phrase(parting, a if same else None)}"
+        yield f"the runs diverge at {parting.time:.2f} s: {_divergence_phrase(parting, a if same else None)}"
     for side, visit in (("A", a), ("B", b)):
         if visit is None:
             yield f"  {side}  nothing more begins" if parting.how == "order" else f"  {side}  –"
@@ -367,7 +367,7 @@ def _lines(diff: RunDiff) -> Iterator[str]:
         return
     names = short_names(_parent_paths(diff))
     for title, lines in (
-        ("what they were started with", _set_up(diff)),
+        ("files and settings", _set_up(diff)),
         ("outcome", _outcome(diff.a, diff.b)),
         ("time, by type of leaf (simulated s)", _times(diff.time.by_type, {})),
         (
@@ -375,7 +375,7 @@ def _lines(diff: RunDiff) -> Iterator[str]:
             _times(_without_repeated_parents(diff), names),
         ),
         ("failures by cause", _counts(diff)),
-        ("ways through the tree that were not taken as often", _ending_rows(diff, names)),
+        ("branches that A and B took a different number of times", _ending_rows(diff, names)),
         ("items", _items(diff)),
     ):
         shown = list(lines)
@@ -440,7 +440,7 @@ def _set_up(diff: RunDiff) -> Iterator[str]:
     for path, node in moved.items():
         above = moved.get(path.rpartition("/")[0])
         if above is None or above.path != node.parent:
-            yield f"{path} of A is {node.path} in B"
+            yield f"node {path} of A is node {node.path} in B"
     for pair in nodes.retyped:
         yield f"{pair.a.path} is a {pair.a.id} in A, a {pair.b.id} in B"
 
@@ -550,7 +550,7 @@ def _items(diff: RunDiff) -> Iterator[str]:
     if not diff.items:
         return
     if any(change.basis == "order" for change in diff.items):
-        yield "~ no more than two of a kind: paired by kind, colour and number, not by the place"
+        yield "~ paired by kind, colour and number, not by place, because the kind has at most two items"
     rows = [("", "A: ended", "at", "grasps", "busy", "B: ended", "at", "grasps", "busy")]
     yield from aligned(rows + [_item(change) for change in diff.items])
 

@@ -115,9 +115,9 @@ def explain_hidden_by_arm(case: Investigation, true: str) -> Finding | None:
     reasons = (
         f"{case.name_of(true)} lies at {place(at)}: the image of {seconds(shot.time)} shows the arm there, "
         f"{distance(height)} above it",
-        f"{counted(len(found), 'image')} of its place, and the item in none",
-        "what to change: the pose from which it looks, mostly 'home' under 'poses:' in the robot file of "
-        f"{robot}; `picktree robot test` measures what it hides",
+        f"{counted(len(found), 'image')} of its place, but none shows the item",
+        "what to change: the arm's pose during the look, mostly 'home' under 'poses:' in the robot file of "
+        f"{robot}; `picktree robot test` measures what the arm hides",
     )
     return Finding("arm.hides_items", camera, title, reasons, case.name_of(true), shot.time)
 
@@ -168,7 +168,9 @@ def camera_noisy(case: Investigation) -> Iterator[DeviceFinding]:
             worst[camera.name] = max(worst.get(camera.name, 0.0), factor)
     for name, times in spans.items():
         title = _is_noisy(name, worst[name])
-        reasons = (f"its depth scattered so in {counted(len(times), 'image')}, {listed_spans(times)}",)
+        reasons = (
+            f"its depth was as noisy as this in {counted(len(times), 'image')}, {listed_spans(times)}",
+        )
         yield DeviceFinding(
             Finding("camera.noisy", name, title, reasons, "", times[0][0]), tuple(times),
             (*PLACE_FAILURES, "perception.*", "planning.*"), 20.0,
@@ -205,8 +207,8 @@ def camera_off(case: Investigation) -> Iterator[DeviceFinding]:
     times = [time for time, _ in found]
     spans = _runs(times, sorted(looks))
     title = (
-        f"everything is believed {distance(math.hypot(x, y))} from where it is: the camera {case.camera} "
-        "hangs elsewhere than believed, or is turned"
+        f"every object is believed {distance(math.hypot(x, y))} from its true place: the true pose of the "
+        f"camera {case.camera} differs from the believed one"
     )
     reasons = (
         f"{len(items)} items lay {distance(abs(float(x)))} in x and {distance(abs(float(y)))} in y "
@@ -306,7 +308,7 @@ def wrist_silent(case: Investigation) -> Iterator[DeviceFinding]:
     if not spans:
         return
     title = f"the wrist sensor was silent {listed_spans(spans)}: it gave no new readings"
-    reasons = ("its reading always has noise, and did not change",) if not stale else (
+    reasons = ("a reading always has noise, but these did not change",) if not stale else (
         f"the safety monitor saw no new reading at {listed_times(sorted(set(stale)))}",
     )  # fmt: skip
     yield DeviceFinding(
@@ -362,7 +364,7 @@ def wrist_biased(case: Investigation) -> Iterator[DeviceFinding]:
         start, end = spans[0]
         most = float(np.median(off[(times >= start) & (times <= end)]))
         title = f"the wrist sensor read {force(most)} that were not there, from {seconds(start)} on"
-        reasons = (f"its reading differed so from the true force {listed_spans(spans)}",)
+        reasons = (f"its reading differed by this much from the true force {listed_spans(spans)}",)
         yield DeviceFinding(
             Finding("wrist.biased", "wrist", title, reasons, "", start),
             ((start - 0.5, spans[-1][1]),),
@@ -588,11 +590,11 @@ def planner_refuses(case: Investigation) -> Iterator[DeviceFinding]:
         return
     spans = ((refused[0].time, refused[-1].time),)
     often = counted(len(refused), "time")
-    title = f"the planner found no way {often} {between(*spans[0])}, though nothing was in it"
+    title = f"the planner found no way {often} {between(*spans[0])}, though nothing was in the way"
     sure: Confidence = "likely" if again else "possible"
-    reasons = ["it names nothing that the arm or the hand would touch"]
+    reasons = ["the planner names nothing that the arm or the hand would touch"]
     if again:
-        reasons.append("what it refused it found later, from the same place")
+        reasons.append("the planner later found the paths that it had refused, from the same place")
     yield DeviceFinding(
         Finding("planner.refuses", "planner", title, tuple(reasons), "", spans[0][0], sure),
         spans, ("planning.no_path", "grasp.no_candidate", "safety.no_retreat"),

@@ -123,7 +123,7 @@ class FailureStory:
     """Index among the failures of the run, from 0."""
     time: Annotated[float, "simulated time", "s"]
     tick: Annotated[int, "number of the tick"]
-    visit: Annotated[int, "number of the visit that failed by itself"]
+    visit: Annotated[int, "number of the visit that failed, and not because a child failed"]
     node: Annotated[str, "path of the visit's node"]
     id: Annotated[str, "registered name of the node, such as `Grasp`"]
     item: Annotated[str, "object that the failure concerns; empty without an object"]
@@ -132,16 +132,16 @@ class FailureStory:
     sentence: str
     """Meaning of the cause; with `remedy` the first remedy. Both concern the cause, not this failure."""
     remedy: str
-    step: Annotated[str, "step of the skill that failed, such as `lift`; empty when it was in none"]
+    step: Annotated[str, "step of the skill that failed, such as `lift`; empty when the skill was in no step"]
     message: Annotated[str, "message of the node"]
     evidence: Values
     chain: tuple[FailureLink, ...]
     """Nodes that ended with the failure, from the parent upwards to the one that stopped it, or the root."""
     handled_by: tuple[CureAttempt, ...]
     fate: Annotated[event_types.Fate, "cured, done_instead, passed_over, branched, ended or open"]
-    fate_by: Annotated[str, "path of the node that decided it; empty when open"]
+    fate_by: Annotated[str, "path of the node that decided the outcome; empty when open"]
     fate_at: Annotated[float | None, "simulated time of the decision", "s"]
-    because_of: Annotated[int | None, "number of the failure that it follows from"]
+    because_of: Annotated[int | None, "number of the earlier failure that led to this one"]
     """Number of the failure that caused this one; a failing handler follows from its failure."""
     choices: tuple[CandidateChoice, ...]
     observed: tuple[str, ...]
@@ -155,7 +155,7 @@ class FailureStory:
     episode: int | None = None
     """Index of its episode among those of the run."""
     seconds_lost: Annotated[
-        float, "simulated time lost of its episode, at the episode's first failure; 0 at others", "s"
+        float, "simulated time that the episode lost, at its first failure; 0 at its later failures", "s"
     ] = 0.0
 
     @property

@@ -48,7 +48,7 @@ def recovery_lines(found: Episodes, paint: Paint) -> Iterator[str]:
             yield row + first.strip()
             yield from rest
     if found.planted:
-        yield paint("Faults that were planted, and what failed first after them", "place")
+        yield paint("Planted faults, and the first failure after each", "place")
         for fault in found.planted[:MAX_PLANTED]:
             yield from wrapped(f"{fault.time:7.2f} s  {fault.message}: {_then(fault)}", "  ", " " * 13)
         if len(found.planted) > MAX_PLANTED:
@@ -204,7 +204,7 @@ class ExplanationText:
                 for fact in facts:
                     yield from wrapped(f"- {title}{fact}", "     ", "       ")
         if len(shown) < len(causes):
-            yield f"  … {counted(len(causes) - len(shown), 'more root cause')} that cost less (--all)"
+            yield f"  … {counted(len(causes) - len(shown), 'more root cause')} with lower costs (--all)"
 
     def _cost(self, cause: RootCause) -> str:
         """Return the consequences of a root cause: goal, failures, lost time."""
@@ -214,7 +214,9 @@ class ExplanationText:
             weight = "This cost the goal" if status == "incomplete" else "This ended the run"
         else:
             weight = (
-                "The run got over it" if status in ("success", "incomplete") else "It did not end the run"
+                "The run recovered from it"
+                if status in ("success", "incomplete")
+                else "This cause did not end the run"
             )
         cost = f" ({listed(list(cause.items), 4)})" if cause.items and cause.ended_run else ""
         text = f"[{cause.cause}] {cause.confidence[0].upper()}{cause.confidence[1:]}. {weight}{cost}"
@@ -243,12 +245,12 @@ class ExplanationText:
             yield from self._story(group[0])
             if len(group) > 1:
                 times = listed([seconds(f.time) for f in group[1:]], 8)
-                yield from wrapped(f"And {len(group) - 1} more like it, at {times}.", _BODY)
+                yield from wrapped(f"And {len(group) - 1} more failures of the same kind, at {times}.", _BODY)
         if len(groups) > len(shown):
             left = sum(len(group) for group in groups[len(shown) :])
             yield f"  … {counted(left, 'more failure')} of {counted(len(groups) - len(shown), 'other kind')}"
         if len(groups) < len(failures) or len(groups) > len(shown):
-            yield "  --all tells each failure by itself."
+            yield "  --all describes each failure separately."
 
     def _story(self, story: FailureStory) -> Iterator[str]:
         about = f" of {story.item}" if story.item else ""
@@ -266,7 +268,7 @@ class ExplanationText:
         if story.because_of is not None:
             earlier = self._found.failures[story.because_of]
             yield from wrapped(
-                f"It follows from the failure at {seconds(earlier.time)} ({earlier.cause}).", _BODY
+                f"This failure follows from the failure at {seconds(earlier.time)} ({earlier.cause}).", _BODY
             )
         yield from wrapped(self._course(story), _BODY)
 
@@ -277,7 +279,7 @@ class ExplanationText:
         way = [self._names.get(link.path, link.path) for link in story.chain if link.outcome == "FAILURE"]
         way = list(dict.fromkeys(way))
         if way:
-            parts.append(f"With it failed {listed(way, 6)}.")
+            parts.append(f"Because of it, {listed(way, 6)} failed, too.")
         parts += [self._handling(handling) for handling in story.handled_by]
         by = self._names.get(story.fate_by, story.fate_by)
         match story.fate:
@@ -285,19 +287,19 @@ class ExplanationText:
                 outcome = f"Cured{self._cure(story)}: {by} continued at {seconds(story.fate_at or 0.0)}"
                 outcome += f"; {story.seconds_lost:.1f} s lost." if story.seconds_lost else "."
             case "done_instead":
-                outcome = f"{by} did that instead of the branch, as the mission asks."
+                outcome = f"{by} ran this handler instead of the branch, as the mission asks."
             case "passed_over":
                 outcome = f"Passed over by {by} at {seconds(story.fate_at or 0.0)}"
                 after = story.made_good_at
                 outcome += f"; the item was placed after all at {seconds(after)}." if after else "."
             case "branched":
-                outcome = f"{by} went another way at {seconds(story.fate_at or 0.0)}, as the mission says."
+                outcome = f"{by} took another branch at {seconds(story.fate_at or 0.0)}, as the mission says."
             case "ended":
                 outcome = (
-                    f"It reached the root, and the mission ended with it at {seconds(story.fate_at or 0.0)}."
+                    f"The failure reached the root and ended the mission at {seconds(story.fate_at or 0.0)}."
                 )
             case _:
-                outcome = "The log ends before it was decided."
+                outcome = "The log ends before the outcome was decided."
         return " ".join([*parts, outcome])
 
     def _cure(self, story: FailureStory) -> str:
@@ -333,7 +335,7 @@ class ExplanationText:
         for item in shown:
             yield from wrapped(_timeline(item, width, everything), "  ", " " * (width + 10))
         if len(shown) < len(items):
-            yield f"  … {len(items) - len(shown)} more, done without a word (--all)"
+            yield f"  … {len(items) - len(shown)} more items, done without a failure (--all)"
 
     def _look(self) -> Iterator[str]:
         looks = self._found.look_at
@@ -426,11 +428,15 @@ def notes_on(run: Run) -> tuple[str, ...]:
     origin = run.info.continues
     if origin is not None and origin.time > 0.0:
         of = f" of {origin.log}" if origin.log else ""
-        notes.append(f"the log begins at {origin.time:.2f} s, at a checkpoint{of}; it lacks what was before")
+        notes.append(
+            f"the log begins at {origin.time:.2f} s, at a checkpoint{of}; earlier events are not in it"
+        )
     edits = [at.time for at in run.events if at.record.kind == "mission_edited"]
     if edits:
         times = ", ".join(f"{time:.2f} s" for time in edits)
-        notes.append(f"the mission was edited while it ran, at {times}; nodes are those of their time")
+        notes.append(
+            f"the mission was edited while it ran, at {times}; each node is shown as it was at the time"
+        )
     for at in run.events:
         if isinstance(at.record, event_types.BlackboardSetEvent):
             notes.append(f"{at.time:.2f} s: {at.record.message}")

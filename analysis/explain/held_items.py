@@ -246,7 +246,7 @@ def _let_go(case: Investigation, failure: FailureStory, period: HeldPeriod) -> F
     if (nature := _item_deviation(case, failure.item, period.true, time)) is not None:
         return nature
     load = number(failure, "load")
-    felt = "" if load is None else f": the wrist felt {force(max(load, 0.0))} of it"
+    felt = "" if load is None else f": the wrist felt {force(max(load, 0.0))} of its weight"
     title = f"{failure.item} was still in the hand and counted as lost{felt}"
     reasons = (f"truly its centre was {distance(math.dist(hand, body.pose.position))} from the fingers",)
     return Finding("grasp.not_felt", failure.node, title, reasons, failure.item, time)
@@ -289,24 +289,28 @@ def explain_departure(case: Investigation, period: HeldPeriod) -> Finding | None
     lies = case.truth.tracks[true].before(end + 1.0)
     where = "" if lies is None else f"; it came to lie at {place(lies.pose.position)}"
     departure = f"truly it left the fingers {between(start, end)}{where}"
-    until = [f"the robot believed that it held it until {seconds(period.end)}"] * (period.end - end > 1.0)
+    until = [f"the robot believed the item in the hand until {seconds(period.end)}"] * (
+        period.end - end > 1.0
+    )
     found = _item_deviation(case, item, true, end) or _weak_grip(case, period)
     if found is not None:
         reasons = (*found.reasons, departure, *until)
         return Finding(found.cause, found.about, found.title, reasons, item, start, found.confidence)
     others = [p for p in case.once(held_periods) if p.true == true and p.left is None and p is not period]
-    well = [f"it was held well at {listed_times([p.start for p in others])}"] if others else []
+    well = [f"the hand held it without slip at {listed_times([p.start for p in others])}"] if others else []
     if period.flung:
         title = f"{item} was knocked out of the hand {between(start, end)}"
-        reasons = (departure, "it left faster than it can fall", *well, *until)
+        reasons = (departure, "it left the hand faster than a falling item", *well, *until)
         return Finding("item.struck", true, title, reasons, item, start)
     if (camera := explain_displaced_camera(case, item, period.start)) is not None:
         return camera  # it was gripped beside its middle
     sure: Confidence = "likely" if case.devices else "possible"
     title = f"{item} slid out of the fingers {between(start, end)}"
-    title += ", though it weighs and rubs like its kind" if case.devices else ""
+    title += ", though its mass and friction are those of its kind" if case.devices else ""
     against = (
-        ("how fast it left is not in the log: something may have knocked it out",) if period.unclear else ()
+        ("the log does not show how fast the item left: something may have knocked it out",)
+        if period.unclear
+        else ()
     )
     return Finding("item.slipped", true, title, (departure, *well, *until), item, start, sure, against)
 
@@ -338,7 +342,10 @@ def _weak_grip(case: Investigation, period: HeldPeriod) -> Finding | None:
     if grip is None or entry is None or grip.force <= 0.0:
         return None
     item, weight, holds = period.item, entry.mass * GRAVITY, 2.0 * entry.friction * grip.force
-    pressed = f"the fingers pressed with {force(grip.force)} and it slid out under at most {force(grip.load)}"
+    pressed = (
+        f"the fingers pressed with {force(grip.force)} and the item slid out under a load of at "
+        f"most {force(grip.load)}"
+    )
     should = f"with the catalogue's friction of {entry.friction:g} they would hold {force(holds)}"
     if holds < GRIP_FACTOR * weight:
         node = next(
@@ -394,8 +401,8 @@ def explain_overweight(case: Investigation, failure: FailureStory) -> Finding | 
     title = f"{held.id} is heavier than its kind: it pulled the hand down with {force(pull)}"
     reasons = (
         f"by the catalogue a {entry.kind} weighs {force(weight)}",
-        "the hand held it then, and the force came straight from below: it hung on the fingers "
-        "or was held fast",
+        "the hand held the item then, and the force pulled straight down: the item was heavy or something "
+        "held it fast",
     )
     return Finding("item.heavy", true, title, reasons, held.id, failure.time, "possible")
 

@@ -27,7 +27,7 @@ PUSH_RANGE = 0.12
 """Distance from the hand within which it may have pushed an item, m."""
 TOUCH_FORCE = 6.0
 """Force on the wrist that indicates a contact, N: more than the swinging hand's own weight causes."""
-ABSENCE_TEXT = "it is nowhere in the robot's world any more"
+ABSENCE_TEXT = "the robot's belief does not contain it any more"
 SAMPLE_TIME = 0.1
 """Interval between two samples of the hand's position, s."""
 SEEK_FAILURES = frozenset(
@@ -76,7 +76,7 @@ def _taken(case: Investigation, failure: FailureStory, true: str, reached: float
     held = was is not None and was.attached
     last = case.truth.tracks[true].bodies[-1].pose.position
     title = f"{item} was taken {'out of the hand' if held else 'away'} {between(*gone)}: {ABSENCE_TEXT}"
-    reasons = [f"its true place is in the log until {seconds(gone[0])} ({place(last)}), and then no more"]
+    reasons = [f"the log has its true place until {seconds(gone[0])} ({place(last)}), and not after that"]
     reasons += _felt_nothing(failure)
     reasons += _seen_empty(case, item, gone[0])
     return Finding("item.gone", true, title, tuple(reasons), item, gone[0])
@@ -152,10 +152,10 @@ def moved_by_arm(case: Investigation, true: str, moving: ItemDisplacement) -> tu
     where = [(float(time), hand) for time in times if (hand := case.hand(float(time))) is not None]
     hands = [hand for _, hand in where]
     if not hands:
-        return False, "where the hand was then is not in the log"
+        return False, "the log does not show where the hand was then"
     nearest = min(math.dist(hand, body.pose.position) for hand in hands)
     if nearest > PUSH_RANGE:
-        return False, f"something else than the arm moved it: the hand was {distance(nearest)} away, or more"
+        return False, f"something else than the arm moved it: the hand was at least {distance(nearest)} away"
     wrenches = case.run.wrenches
     # Elsewhere on its way the hand is swung, and feels its own weight.
     beside = np.array([time for time, hand in where if math.dist(hand, body.pose.position) <= PUSH_RANGE])
@@ -167,7 +167,7 @@ def moved_by_arm(case: Investigation, true: str, moving: ItemDisplacement) -> tu
     if left > 2 * PUSH_RANGE and body.form not in ("sphere", "cylinder"):
         return (
             False,
-            f"something else than the arm moved it: the hand did not follow it ({distance(left)} away)",
+            f"something else than the arm moved it: the hand did not move with it ({distance(left)} away)",
         )
     return True, f"the hand was {distance(nearest)} from it then, and felt {force(felt)}"
 
@@ -193,9 +193,9 @@ def explain_misjudged_place(case: Investigation, failure: FailureStory) -> Findi
     off = distance(horizontal_distance(body, believed))
     if any(p.item == failure.item and believed.last_seen < p.end <= reached for p in case.once(held_periods)):
         title = f"{failure.item} lay {off} from where it was believed to have come to rest"
-        reasons = (*reasons, f"it had been let go at {seconds(settled)} and not been seen since")
+        reasons = (*reasons, f"it had been let go at {seconds(settled)} and had not been seen since")
         return Finding("item.fell_elsewhere", true, title, reasons, failure.item, settled)
-    title = f"{failure.item} was believed {off} from where it lay when it was seen"
+    title = f"{failure.item} was seen, but believed {off} from its true place"
     return Finding("perception.misjudged", true, title, reasons, failure.item, settled)
 
 
@@ -275,7 +275,7 @@ def explain_too_wide(case: Investigation, failure: FailureStory) -> Finding | No
     if width < most:
         return None
     title = f"{failure.item} is too wide for the hand: {1000 * width:.0f} mm at its narrowest"
-    reasons = (f"the fingers were {1000 * most:.0f} mm open at most", "no grasp of its width exists")
+    reasons = (f"the fingers were {1000 * most:.0f} mm open at most", "no grasp fits its width")
     return Finding("item.too_wide", failure.item, title, reasons, failure.item, failure.time)
 
 
@@ -341,16 +341,25 @@ def explain_missing_item(case: Investigation, failure: FailureStory) -> Finding 
         of = case.truth.tracks[near].first
         names = [name for name in case.believed.get(near, ()) if name not in phantoms]
         known = f", as is {names[0]}" if names else ""
-        title = f"{item} does not exist by itself: it is seen in the {of.colour} {of.kind} ({near}){known}"
-        reasons = (f"at {seconds(seen.time)} the camera took it for a {seen.seen.colour} {seen.seen.kind}",)
+        title = (
+            f"{item} does not exist: the camera saw it in a part of the {of.colour} {of.kind} ({near}){known}"
+        )
+        reasons = (
+            f"at {seconds(seen.time)} the camera took this part for a {seen.seen.colour} {seen.seen.kind}",
+        )
         return Finding("perception.twin", near, title, reasons, item, seen.time)
     stands = case.obstacle_at(seen.seen)
     if stands:
         title = (
-            f"{item} is no item: {stands}, which the robot was not told of, was taken for a {seen.seen.kind}"
+            f"{item} is not an item: {stands}, which the robot did not know, was taken for a {seen.seen.kind}"
         )
         return Finding(
-            "perception.phantom", item, title, (f"it was seen so at {seconds(seen.time)}",), item, seen.time
+            "perception.phantom",
+            item,
+            title,
+            (f"the camera saw it so at {seconds(seen.time)}",),
+            item,
+            seen.time,
         )
     title = f"{item} does not exist: nothing lies at {place(seen.seen.pose.position)}"
     reasons = (

@@ -79,7 +79,7 @@ def explain_contact(case: Investigation, failure: FailureStory) -> Finding | Non
         moving = displacement_since(case, true, max(time - 2.0, 0.0), time)
         reasons.append(f"{name} was {distance(away)} from the hand")
         if moving is not None:
-            reasons.append(f"{name} moved by {distance(moving.way)} about then")
+            reasons.append(f"{name} moved by {distance(moving.way)} at about that time")
         target = case.bin_at(case.truth.tracks[true].before(time) or case.truth.tracks[true].first)
         if target:
             doing = f"while {failure.item} was put there, " if failure.id == "Place" else ""
@@ -105,7 +105,9 @@ def _reach(body: log_records.BodyRecord) -> float:
 def _when_seen(case: Investigation, time: float) -> str:
     """Return a sentence about the last look before that time."""
     looks = case.events(ImageEvent, start=0.0, end=time)
-    return f"it was looked for the last time at {seconds(looks[-1].time)}" if looks else "nobody had looked"
+    return (
+        f"the camera looked for the last time at {seconds(looks[-1].time)}" if looks else "nobody had looked"
+    )
 
 
 def _felt(failure: FailureStory) -> str:
@@ -177,7 +179,7 @@ def explain_unreachable_bin(
         return Finding("bin.out_of_reach", str(target.id), title, reasons, failure.item, failure.time)
     inside = [b.id for b in case.believed_at(failure.time) if b.place == target.id]
     if inside:
-        title = f"{target.id} is too crowded for {failure.item}: nowhere over it can the hand let go"
+        title = f"{target.id} is too crowded for {failure.item}: the hand finds no place over it to let go"
         reasons = (*reasons, f"in it lie {listed(inside, 5)}")
         return Finding("bin.crowded", str(target.id), title, reasons, failure.item, failure.time)
     title = f"{failure.item} cannot be let go over {target.id} without touching something"
@@ -334,7 +336,7 @@ def _touching(
     if neighbours and failure.cause == "planning.start_in_collision":
         # The hand may just have let go of something there: where that lies is a guess.
         begun = failure.name_and_item
-        title = f"the hand was, as believed, within {listed(neighbours, 3)} when {begun} was to begin"
+        title = f"by the belief, the hand was inside {listed(neighbours, 3)} when {begun} was about to start"
         return Finding("item.crowded", "hand", title, reasons, neighbours[0], failure.time)
     if neighbours:
         title = f"{about} lies too close to {listed(neighbours, 3)}: there is no room for the hand"
@@ -375,8 +377,9 @@ def _far(
         title = f"{failure.item} lies{where}, where the arm does not reach it from above"
         reasons = (
             refused,
-            f"for {counted(min(len(poses), 12), 'of them that was tried', 'of them that were tried')} no "
-            "configuration of the arm exists, collisions aside",
+            "for "
+            f"{counted(min(len(poses), 12), 'of them that was tried', 'of them that were tried')} the arm "
+            "has no configuration, even without collisions",
         )
         return Finding("item.out_of_reach", failure.item, title, reasons, failure.item, failure.time)
     reasons = tuple(f"in {n} of {total} grasps the arm would touch {by}" for by, n in hindered.most_common(3))
@@ -419,7 +422,7 @@ def _budget(failure: FailureStory) -> Finding:
     used = f"{checks:.0f}" if checks is not None else "its"
     title = f"the planner ran out of its budget before it found a way: {failure.message}"
     reasons = (
-        f"{used} collision checks were spent; that nothing is in the way was never found out",
+        f"{used} collision checks were spent; they did not show whether the way is free",
         "the straight way was not free, so a way round had to be searched for",
     )
     return Finding("planner.budget", failure.node, title, reasons, failure.item, failure.time)

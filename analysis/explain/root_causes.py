@@ -209,7 +209,7 @@ def _failure_message_finding(case: Investigation, failure: FailureStory) -> Find
     message = failure.message or failure.sentence
     of = f" of {failure.item}" if failure.item and failure.item not in message else ""
     title = f"{failure.name}{of} failed: {message}"
-    reasons = ("nothing else in the log tells where it came from",)
+    reasons = ("nothing else in the log shows the cause",)
     return Finding(failure.cause, about, title, reasons, failure.item, failure.time, "the log does not tell")
 
 
@@ -318,7 +318,7 @@ def _root(
     others = list(dict.fromkeys(f.item for f in alike))
     broken = (explain_crushed_item(case, true) for true in group.items if first.cause != "item.crushed")
     harm = [each.title for each in broken if each is not None]
-    also = [f"so it was with {', '.join(others)}, too"] if others else []
+    also = [f"the same happened to {', '.join(others)}"] if others else []
     return RootCause(
         cause=first.cause,
         title=first.title,

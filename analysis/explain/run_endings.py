@@ -63,7 +63,7 @@ def explain_missed_goal(case: Investigation, outcome: ExplainedOutcome) -> Findi
         return None
     goal = _goal(case)
     title = "every item is where it belongs, and the goal is missed"
-    title += f": `{goal}` does not hold" if goal else ": the scene's feed had more to bring"
+    title += f": `{goal}` does not hold" if goal else ": the scene's feed still had items to bring"
     return Finding(
         "goal.beyond_items", "", title, (f"there were {counted(len(case.scores), 'item')}",), "", outcome.end
     )
@@ -78,7 +78,7 @@ def explain_mission_error(case: Investigation, failure: FailureStory) -> Finding
             title = f"{failure.name} had no value to work with: {failure.message}"
             return Finding("tree.missing_input", failure.node, title, (), failure.item, failure.time)
         case "tree.no_case":
-            title = f"{failure.name} has no case for it: {failure.message}"
+            title = f"{failure.name} has no case for this value: {failure.message}"
             return Finding("tree.no_case", failure.node, title, (), failure.item, failure.time)
         case "internal.error":
             title = f"the code of {failure.id} has a fault of its own: {failure.message}"
@@ -106,9 +106,9 @@ def explain_missing_grasp(case: Investigation, failure: FailureStory) -> Finding
     grasps = [v for v in case.family.visits if v.id == "Grasp" and v.item == failure.item]
     title = f"{failure.name} was run before anything was grasped: nothing was in the hand"
     before = (
-        "no node had grasped it"
+        "no node had grasped the item"
         if not any(v.end <= failure.time for v in grasps)
-        else "no grasp of it had held"
+        else "no grasp had held the item"
     )
     return Finding("mission.order", failure.node, title, (f"{before} before {seconds(failure.time)}",),
                    failure.item, failure.time)  # fmt: skip
@@ -139,7 +139,7 @@ def _pending_question(case: Investigation) -> tuple[str, ...]:
     question = result.asked
     return (
         f"{question.node} asks: {question.reason}",
-        f"it takes one of these answers: {', '.join(question.choices)}",
+        f"the request takes one of these answers: {', '.join(question.choices)}",
         f"continue with: {result.resume_command()}",
     )
 
@@ -162,7 +162,7 @@ def _condition(case: Investigation) -> Finding | None:
     ports = case.ports(visit.path)
     condition = ports.get("if", "") or visit.message or visit.name
     title = f"a condition did not hold, and the mission ends there: {condition}"
-    reasons = (f"{visit.path} was asked at {seconds(visit.end)}",)
+    reasons = (f"{visit.path} was checked at {seconds(visit.end)}",)
     return Finding("tree.condition", visit.path, title, reasons, visit.item, visit.end)
 
 
@@ -225,7 +225,7 @@ def _timeout(case: Investigation, failure: FailureStory) -> Finding:
     ]
     if within:
         reasons.append(
-            f"{counted(len(within), 'failure')} before it took time: {listed([f.cause for f in within], 5)}"
+            f"{counted(len(within), 'earlier failure')} took time: {listed([f.cause for f in within], 5)}"
         )
     path = word(failure, "running") or visit.path
     name, limit = path.rsplit("/", 1)[-1], f"{allowed:g} s" if allowed is not None else "its time"

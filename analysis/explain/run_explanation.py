@@ -414,7 +414,7 @@ def _truth(case: Investigation, true: str) -> str:
     elif score is not None and score.is_in_place:
         where += ", where it belongs"
     elif score is not None and score.destination and score.destination == lies:
-        where += ", where it belongs, but does not rest in it"
+        where += ", where it belongs, but is not at rest in it"
     elif score is not None and score.destination:
         where += f"; it belongs into {score.destination}"
     return f"truly {where}, and was taken away with it" if true in case.departed else f"truly {where}"
@@ -484,7 +484,7 @@ def outcome_of(case: Investigation, visits: Sequence[node_visits.Visit]) -> Expl
     homeless = sum(not score.destination for score in case.scores.values())
     counts = f"{items.sorted} of {items.total} items are where they belong"
     if homeless:
-        counts += f" ({homeless} of all belong nowhere by the scene's rules)"
+        counts += f" (the scene's rules give {homeless} of all items no destination)"
     if items.misplaced:
         counts += f", {items.misplaced} in a wrong bin"
     if items.left:
@@ -531,7 +531,7 @@ def _cut_off(run: RunRecord, visits: Sequence[node_visits.Visit], end: float) ->
     if ended and ended != "orderly":
         return f"the run was ended at {end:.2f} s by an error of the program ({ended}){_doing(visits)}"
     if following := _next_file(run):
-        return f"this file of the log ends at {end:.2f} s, and {following} goes on{_doing(visits)}"
+        return f"this file of the log ends at {end:.2f} s{_doing(visits)}; the run continues in {following}"
     if run.log.in_progress:
         return f"the run is still in progress: its log has come to {end:.2f} s{_doing(visits)}"
     if run.log.lacks_result:
@@ -554,7 +554,7 @@ MIN_SPACING = 0.6
 HINTS = {
     "run.going_on": "the last records of the log",
     "item.gone": "the item vanishes from the truth, and the belief keeps it",
-    "item.moved": "truth and belief of the item part",
+    "item.moved": "truth and belief of the item diverge",
     "item.pushed_by_arm": "the hand touches the item on its way",
     "item.left_bin": "the item leaves the bin",
     "item.slippery": "the wrist's load, the opening: the item slides out of the fingers",
@@ -567,7 +567,7 @@ HINTS = {
     "heap.empty": "the empty tote",
     "bin.under_arm": "the arm over the bin",
     "item.never_seen": "the camera's image, and the item's true place",
-    "camera.off": "truth beside belief of any item: all are off the same way",
+    "camera.off": "truth and belief of any item: every item is off in the same direction",
     "grasp.weak": "the fingers' force and the wrist's load while the hand lifts",
     "scene.blocked": "the bodies between hand and item",
     "bin.full": "the fill level of the bin",
@@ -608,7 +608,7 @@ def key_moments(
                 )
             )
     if outcome.status != "success" and causes:
-        add(KeyMoment(outcome.end, "the end: truth beside belief of everything"))
+        add(KeyMoment(outcome.end, "the end: truth and belief of everything"))
     return tuple(found)
 
 

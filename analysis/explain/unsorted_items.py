@@ -187,7 +187,7 @@ def _tried(
 
     reasons = Counter(reason for position, reason in refused if near(position))
     failed = sum(near(position) for position in vain)
-    words = [f"closed on it in vain {times(failed)}"] if failed else []
+    words = [f"closed on it without holding it {times(failed)}"] if failed else []
     if reasons:
         why = listed([f"{n} {reason}" for reason, n in reasons.most_common()], 3)
         words.append(f"{counted(reasons.total(), 'grasp')} refused: {why}")
@@ -236,12 +236,15 @@ def explain_crushed_item(case: Investigation, true: str) -> Finding | None:
         return None
     first, item = found[0], case.name_of(true)
     force = max(each.force for each in found)
-    title = f"{item} was crushed: {first.finger} pressed with {force:.0f} N, and it bears {first.limit:.0f} N"
+    title = (
+        f"{item} was crushed: {first.finger} pressed with {force:.0f} N, and the item withstands "
+        f"{first.limit:.0f} N"
+    )
     gripped = any(p.true == true and p.start <= first.time <= p.end for p in case.once(held_periods))
     body = case.truth.tracks[true].before(first.time)
     lay = f": it lay at {place(body.pose.position)}" if body is not None else ""
     how = "it was in the hand then" if gripped else f"it was not in the hand then{lay}"
-    reasons = (f"more than it bears was first measured at {seconds(first.time)}", how)
+    reasons = (f"a force above that was first measured at {seconds(first.time)}", how)
     return Finding("item.crushed", true, title, reasons, item, first.time)
 
 
@@ -273,7 +276,7 @@ def _gone_before_seen(case: Investigation, true: str) -> Finding | None:
     if gone is None:
         return None
     title = f"{case.name_of(true)} was taken away before it was ever seen"
-    reasons = (f"its true place is in the log until {seconds(gone[0])}, and then no more",)
+    reasons = (f"the log has its true place until {seconds(gone[0])}, and not after that",)
     return Finding("item.gone", true, title, reasons, true, gone[0])
 
 
@@ -286,7 +289,7 @@ def _taken(case: Investigation, true: str, into: str) -> Finding | None:
     title = f"{item} was taken away{where}, {between(*gone)}: {ABSENCE_TEXT}"
     last = case.truth.tracks[true].bodies[-1].pose.position
     reasons = (
-        f"its true place is in the log until {seconds(gone[0])} ({place(last)}), and then no more",
+        f"the log has its true place until {seconds(gone[0])} ({place(last)}), and not after that",
         "nothing failed: the robot still believed that it was there"
         if not any(f.item == item for f in case.failures)
         else "the robot believed otherwise",
@@ -382,7 +385,7 @@ def _mistaken_traits(
         weighed = "it was not weighed" if believed.mass is None else f"{believed.mass * 1000:.0f} g were felt"
         found.append(f"{weighed}, and it weighs {real.mass * 1000:.0f} g")
     if destinations.asks_for(rules, "size") and believed.size is not None and real.size is not None:
-        found.append(f"{distance(believed.size)} of it were seen, and it is {distance(real.size)} long")
+        found.append(f"the camera saw {distance(believed.size)} of it, and it is {distance(real.size)} long")
     return tuple(found)
 
 
@@ -421,7 +424,7 @@ def _left_bin(case: Investigation, true: str, item: str, into: str, time: float)
     ]
     then = (case.truth.at(id_, time) for id_ in neighbours)
     if not inside and others and any(body is not None and case.bin_at(body) == into for body in then):
-        title = f"{into} has no room for {item}: it did not stay in it when it was placed"
+        title = f"{into} has no room for {item}: the item did not stay inside when it was placed"
         reasons.append(f"in it lie {listed(others, 5)}")
         return Finding("bin.crowded", into, title, tuple(reasons), item, time)
     if not inside:
@@ -435,7 +438,7 @@ def _left_bin(case: Investigation, true: str, item: str, into: str, time: float)
     out, outside = next((t, b) for t, b in later if t > inside[-1] and case.bin_at(b) != into)
     lay = next(b for t, b in later if t == inside[-1])
     reasons.append(
-        f"it lay there, and {distance(math.dist(lies.pose.position, lay.pose.position))} away later"
+        f"it lay there, but later {distance(math.dist(lies.pose.position, lay.pose.position))} away later"
     )
     placing = case.events(event_types.ItemDoneEvent, start=inside[-1] - PLACING_TIME, end=out + PLACING_TIME)
     if math.dist(outside.pose.position, lay.pose.position) > PUSH_RANGE:
@@ -444,11 +447,11 @@ def _left_bin(case: Investigation, true: str, item: str, into: str, time: float)
     came = [name for name in came if name != item]
     when = between(inside[-1], out)
     if came:
-        title = f"{into} is too small for all that belongs into it: {item} left it again {when}"
+        title = f"{into} is too small for all its items: {item} left it again {when}"
         reasons.append(f"{listed(came, 5)} came down into {into} about then and pushed it out")
         return Finding("bin.crowded", into, title, tuple(reasons), item, inside[-1])
     if out - time < PLACING_TIME and others:
-        title = f"{into} is too full for {item}: it did not stay in it when it was placed, {when}"
+        title = f"{into} is too full for {item}: the item did not stay inside when it was placed, {when}"
         reasons.append(f"in it lie {listed(others, 5)}")
         return Finding("bin.crowded", into, title, tuple(reasons), item, inside[-1])
     if out - time < PLACING_TIME:

@@ -110,12 +110,12 @@ FailureRow = row_type(
 
 @dataclass(frozen=True, slots=True)
 class ItemRow:
-    item: Annotated[str, ColumnDoc("id, as the robot believed")]
+    item: Annotated[str, ColumnDoc("id of the item in the robot's belief")]
     kind: Annotated[str, ColumnDoc("kind in the scene's catalogue")]
     colour: Annotated[str, ColumnDoc("colour, as the robot saw it")]
     state: Annotated[str, ColumnDoc("done, held, left or gone, at the end")]
-    picks: Annotated[int, ColumnDoc("times that the fingers closed on it")]
-    held: Annotated[int, ColumnDoc("times that it was then held")]
+    picks: Annotated[int, ColumnDoc("number of times that the fingers closed on the item")]
+    held: Annotated[int, ColumnDoc("number of these closings that held the item")]
     failures: Annotated[int, ColumnDoc("failures about it")]
     first_seen: Annotated[float | None, ColumnDoc("simulated time", "s")]
     done: Annotated[float | None, ColumnDoc("simulated time at which it was done", "s")]
@@ -136,7 +136,9 @@ class ObjectRow:
 
     time: Time
     source: Annotated[str, ColumnDoc("belief, or truth, which the robot did not know")]
-    id: Annotated[str, ColumnDoc("id of the object; belief and truth have ids of their own")]
+    id: Annotated[
+        str, ColumnDoc("id of the object; the same object has one id in the belief and another in the truth")
+    ]
     kind: Annotated[str, ColumnDoc("kind in the scene's catalogue")]
     colour: Annotated[str, ColumnDoc("name of the colour")]
     place: Annotated[str, ColumnDoc("believed place: table, hand, a bin; empty for the truth")]
@@ -157,9 +159,9 @@ class JointRow:
 
     time: Time
     joint: Annotated[str, ColumnDoc("name in the URDF")]
-    position: Annotated[float, ColumnDoc("position; of a joint that slides in m", "rad or m")]
+    position: Annotated[float, ColumnDoc("position; m for a prismatic joint", "rad or m")]
     velocity: Annotated[float, ColumnDoc("velocity; m/s for a prismatic joint", "rad/s or m/s")]
-    effort: Annotated[float, ColumnDoc("effort; of a joint that slides in N", "Nm or N")]
+    effort: Annotated[float, ColumnDoc("effort; N for a prismatic joint", "Nm or N")]
 
 
 @dataclass(frozen=True, slots=True)
@@ -377,14 +379,14 @@ def _json(value: Mapping[str, object] | object) -> str:
 TABLES: tuple[TableSpec[Any], ...] = (
     TableSpec(
         "run",
-        "a word of the run: what it was started with, and what came of it",
+        "a setting or a result of the run",
         RunRow,
         run_rows,
     ),
     TableSpec("ticks", "a tick of the tree", TickRow, ticks),
     TableSpec("visits", "an activation of a node, from its beginning to its end", VisitRow, visits),
     TableSpec("steps", "a step of a skill, such as the closing of the fingers", StepRow, steps),
-    TableSpec("failures", "a failure with a cause, and what became of it", FailureRow, failures),
+    TableSpec("failures", "a failure with a cause, and its outcome", FailureRow, failures),
     TableSpec("items", "an item, as the robot believed", ItemRow, items),
     TableSpec("picks", "a closing of the fingers on an object", PickRow, picks),
     TableSpec("plans", "a request to the planner, and its answer", PlanRow, plans),
@@ -394,6 +396,6 @@ TABLES: tuple[TableSpec[Any], ...] = (
     TableSpec("joints", "a joint at a tick", JointRow, joints),
     TableSpec("wrenches", "the wrist at a tick", WrenchRow, wrenches),
     TableSpec("controls", "a joint of the arm at a tick, as commanded", ControlRow, controls),
-    TableSpec("timings", "a tick by the wall clock", TimingRow, timings),
+    TableSpec("timings", "wall times of a tick", TimingRow, timings),
 )
 """Tables in the order of interest for a reader."""

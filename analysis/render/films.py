@@ -218,7 +218,9 @@ class FrameWorkers:
 
 
 def _dead_process_error() -> PicktreeError:
-    return PicktreeError("a process that draws frames has died; --processes 1 does without others")
+    return PicktreeError(
+        "a process that draws frames has died; --processes 1 draws without further processes"
+    )
 
 
 def _draw_frames(line: Connection, setup: FrameSetup) -> None:

@@ -65,7 +65,7 @@ class ReportEvent:
 def pack_events(run: Run) -> Section:
     found = report_events(run)
     if not found:
-        return Section("events", {"empty": "The log tells of no event."})
+        return Section("events", {"empty": "The log holds no event."})
     words = StringTable()
     return Section(
         "events",

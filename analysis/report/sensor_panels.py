@@ -186,7 +186,12 @@ def thin_plot(plot: CurvePlot, most: int = MAX_CURVE_POINTS) -> CurvePlot:
     times = np.stack([plot.times[starts], plot.times[middles]], axis=1).ravel()
     curves = tuple(PlotCurve(curve.label, _extremes(curve.values, size)) for curve in plot.curves)
     note = f"{plot.note} " if plot.note else ""
-    return replace(plot, times=times, curves=curves, note=f"{note}Least and greatest of {size} ticks each.")
+    return replace(
+        plot,
+        times=times,
+        curves=curves,
+        note=f"{note}Each point shows the least and the greatest value of {size} ticks.",
+    )
 
 
 def _extremes(values: Floats, size: int) -> Floats:

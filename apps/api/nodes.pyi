@@ -228,8 +228,8 @@ class Switch(Node):
 
     Ports:
         variable: the value to match; it is read at every tick.
-        cases: what is done for each value
-        default: what is done for all other values
+        cases: child for each value
+        default: child for all other values
     """
 
     def __init__(
@@ -398,7 +398,7 @@ class RunOnce(Node):
     """Runs its child until it has ended once; after that it is SKIPPED, or answers as the child did then.
 
     Ports:
-        then_skip: result from the second time on: SKIPPED (true), or the first result again (false); default True.
+        then_skip: result of the second and later runs: SKIPPED (true), or the first result again (false); default True.
     """
 
     def __init__(
@@ -415,7 +415,7 @@ class SkipUnlessUpdated(Node):
     A child that runs is ticked until it ends. A write of an equal value counts, too.
 
     Ports:
-        entry: the key whose writes count.
+        entry: the key whose writes the node watches.
     """
 
     def __init__(
@@ -432,7 +432,7 @@ class WaitValueUpdate(Node):
     A child that runs is ticked until it ends. A write of an equal value counts, too.
 
     Ports:
-        entry: the key whose writes count.
+        entry: the key whose writes the node watches.
     """
 
     def __init__(
@@ -482,7 +482,7 @@ class WasEntryUpdated(Node):
     """Whether the key was written since the node was ticked last. A write of an equal value counts, too.
 
     Ports:
-        entry: the key whose writes count.
+        entry: the key whose writes the node watches.
     """
 
     def __init__(
@@ -611,10 +611,10 @@ class Recover(Node):
         cause: cause of the failure that is being handled; empty before the first. Output: the key to write, as '{cause}'.
         message: message of that failure. Output: the key to write, as '{message}'.
         failed: path of the node with that failure. Output: the key to write, as '{failed}'.
-        when: cause, or family of causes, and what may cure it
-        otherwise: what may cure all other causes
-        instead: cause, or family of causes, and what is done in place of `do`, which is not tried again
-        give_up: what is done before failing for good
+        when: cause, or family of causes, and its handler, which may cure the failure
+        otherwise: handler of all other causes
+        instead: cause, or family of causes, and the child that runs instead of `do`, which is not tried again
+        give_up: child that runs before the node finally fails
     """
 
     def __init__(
@@ -869,7 +869,7 @@ class FreeSpot(Node):
 
     Ports:
         object: the held object.
-        at: place of its underside: x, y, z in the world, m. Output: the key to write, as '{at}'.
+        at: place of the object's underside: x, y, z in the world, m. Output: the key to write, as '{at}'.
     """
 
     def __init__(
@@ -935,7 +935,7 @@ class SafeRetreat(Node):
 
     Ports:
         pose: named pose of the robot to end in; default home.
-        hand: treatment of a held object: keep it, open the hand and drop it here, or put it down on a free spot below on the way; default keep.
+        hand: treatment of a held object: keep it, open the hand and drop it here, or put it down on a free spot on the way to the pose; default keep.
         speed: share of the joints' speed limits: 1 for the full limits; no part moves faster than 0.25 m/s; more than 0, at most 1; default 0.4.
     """
 
@@ -1005,10 +1005,10 @@ class Grasp(Node):
 
     Ports:
         object: the object to grasp.
-        force: maximum grip force of each finger: the applied force follows from weight and friction, and is limited by this, by the item (`force_limit`) and by the gripper, N; more than 0; default 70.0.
+        force: maximum grip force of each finger: the applied force follows from weight and friction, and is limited by this port, by the item (`force_limit`) and by the gripper, N; more than 0; default 70.0.
         speed: share of the joints' speed limits: 1 for the full limits; more than 0, at most 1; default 1.0.
         onward: whether lift and transfer to the destination are one motion, for a `Place` that follows at once; the arm stops by itself when no `Place` follows; default True.
-        servo: whether the hand stops over the object and corrects the grasp by an image of the hand camera, if it has one; default True.
+        servo: whether the hand stops over the object and corrects the grasp by an image of the hand camera, if the robot has one; default True.
     """
 
     def __init__(
@@ -1065,9 +1065,9 @@ class Present(Node):
 
     Ports:
         object: the object to present, which the hand holds.
-        camera: the fixed camera to hold it before; default overhead.
+        camera: the fixed camera in front of which the hand holds the object; default overhead.
         looks: maximum number of looks: 2 for both sides of the hand; at least 1, at most 2; default 2.
-        until_classified: whether it ends as soon as the properties in the scene's `destinations` are known, without a look if they are known before; default False.
+        until_classified: whether the node ends as soon as the properties in the scene's `destinations` are known; it does not look when they are already known; default False.
         speed: share of the joints' speed limits: 1 for the full limits; more than 0, at most 1; default 0.5.
     """
 
@@ -1092,7 +1092,7 @@ class Place(Node):
     Ports:
         object: the object to place, which the hand holds.
         into: the bin to place it into; not needed with `at`.
-        at: place of its underside, instead of `into`: x, y, z in the world, m.
+        at: place of the object's underside, instead of `into`: x, y, z in the world, m.
         speed: share of the joints' speed limits: 1 for the full limits; more than 0, at most 1; default 1.0.
     """
 
@@ -1154,14 +1154,14 @@ class Push(Node):
     `singulate`, its neighbours may be pushed along.
 
     Ports:
-        object: the object to push, or to make room around; by default, with `singulate`, the one closest to others, unrecognised objects first.
-        to: goal of its middle: x, y in the world, m.
-        yaw: goal of its heading, as seen from above; a symmetric object takes the nearest equal heading; by default any, rad.
+        object: the object to push, or to make room around; by default, with `singulate`, the object closest to others, unrecognised objects first.
+        to: goal of the object's middle: x, y in the world, m.
+        yaw: goal of the object's heading, as seen from above; a symmetric object takes the nearest equal heading; by default any heading, rad.
         direction: direction of a push along a line: x, y in the world, of any length.
         distance: length of a push along a line, m; at least 0, at most 1; default 0.0.
-        singulate: whether to push it, or its neighbours, until the hand fits around it; without a push when it fits already; default False.
-        tolerance: maximum distance of its middle from the goal, m; more than 0; default 0.0015.
-        turned: maximum angle of its heading from the goal, rad; more than 0; default 0.026179938779914945.
+        singulate: whether to push the object or its neighbours until the hand fits around the object; no push when the hand already fits; default False.
+        tolerance: maximum distance of the object's middle from the goal, m; more than 0; default 0.0015.
+        turned: maximum angle of the object's heading from the goal, rad; more than 0; default 0.026179938779914945.
         strokes: maximum number of strokes; at least 1, at most 50; default 8.
         speed: speed of the tool during a push, m/s; more than 0, at most 0.2; default 0.05.
         force: contact force on the tool that stops a stroke, N; more than 0; default 15.0.

@@ -227,7 +227,7 @@ class Batch:
                 shutil.rmtree(order.folder, ignore_errors=True)
                 return None
             case JobStopped():
-                reason = "it was interrupted, by itself or from outside"
+                reason = "the job was interrupted, by its own code or from outside"
             case JobFinished():
                 reason = f"{order.result}: its result is missing or damaged"
             case JobFailed():

@@ -373,7 +373,7 @@ def _criteria(
     found = (
         Criterion("goal", "reaches the goal more often", True, goal),
         Criterion("items", "sorts more items", True, difference(lambda o: o.items_sorted)),
-        Criterion("in_vain", "grasps less often in vain", False, difference(lambda o: o.in_vain)),
+        Criterion("in_vain", "has fewer grasps that hold nothing", False, difference(lambda o: o.in_vain)),
         Criterion("failures", "has fewer failures", False, difference(lambda o: o.failures)),
         Criterion("seconds_a_pick", "picks faster", False, difference(lambda o: o.seconds_a_pick)),
     )
@@ -464,7 +464,7 @@ def _divergence_text(log_a: Path, log_b: Path) -> str:
         with Run(log_a) as a, Run(log_b) as b:
             return divergence_line(align(a, b), a)
     except PicktreeError as error:
-        return f"they cannot be aligned: {error}"
+        return f"the runs cannot be aligned: {error}"
 
 
 def divergence_line(found: Alignment, a: Run) -> str:
@@ -472,14 +472,14 @@ def divergence_line(found: Alignment, a: Run) -> str:
     else."""
     parting = found.parting
     if parting is None:
-        return "the runs do not part"
+        return "the runs do not diverge"
     place = f"tick {a.ticks.number_at(parting.time)}, {parting.time:.2f} s"
-    text = f"they part at {place}: {_divergence_words(parting)}"
+    text = f"the runs diverge at {place}: {_divergence_words(parting)}"
     end = _first_other_end(found) if parting.how not in ("outcome", "cause") else None
     if end is not None:
         time, one, other = end
         text += (
-            f"; first other end at tick {a.ticks.number_at(time)}, {time:.2f} s: "
+            f"; first node that ends differently, at tick {a.ticks.number_at(time)}, {time:.2f} s: "
             f"{one.name}{one.about}: A {run_diff.end_text(one, short=True)}, "
             f"B {run_diff.end_text(other, short=True)}"
         )
@@ -503,7 +503,7 @@ def _divergence_words(parting: Divergence) -> str:
         case "order":
             return f"{run_diff.DIVERGENCE_TEXTS['order']}: A {_begins(a)}, B {_begins(b)}"
         case _:
-            return "the log of one ends there"
+            return "one of the two logs ends there"
 
 
 def _first_other_end(found: Alignment) -> tuple[float, node_visits.Visit, node_visits.Visit] | None:
@@ -551,11 +551,11 @@ def _lines(found: RecipeComparison, program: str) -> Iterator[str]:
     yield f"B  {found.label_b}: goal reached {found.success_b}"
     table = found.paired
     if table is not None:
-        left = f"; {found.alone} in one alone are left out" if found.alone else ""
+        left = f"; left out: {found.alone} that only A or only B has" if found.alone else ""
         yield f"paired by seed: {table.total} seeds in both{left}"
     else:
         of = f"{found.success_a.total} and {found.success_b.total} jobs, {found.shared} seeds in both"
-        yield f"not paired: {of}; they are compared as independent runs"
+        yield f"not paired: {of}; all are compared as independent runs"
     if found.arithmetic:
         yield found.arithmetic
     yield ""
@@ -580,13 +580,15 @@ def _lines(found: RecipeComparison, program: str) -> Iterator[str]:
         yield ""
         yield f"{len(found.changed)} seeds changed sides"
         for changed in found.changed:
-            line = f"  seed {changed.seed}: {changed.winner} alone reached its goal"
+            line = f"  seed {changed.seed}: only {changed.winner} reached its goal"
             yield f"{line}; {changed.parting}" if changed.parting else line
             if changed.logs is not None:
                 yield f"    {program} diff {shlex.join(changed.logs)}"
         lacking = [changed for changed in found.changed if changed.missing]
         if lacking and not any(changed.parting for changed in lacking):
-            yield f"of {len(lacking)} a log was not kept: --remake runs them again and says where they part"
+            yield (
+                f"seeds without a log: {len(lacking)}; --remake runs them again and shows where they diverge"
+            )
 
 
 def _undecided(found: RecipeComparison) -> str:
@@ -595,13 +597,14 @@ def _undecided(found: RecipeComparison) -> str:
     changed = 0 if table is None else table.only_a + table.only_b
     tests = sum(criterion.difference.count > 0 for criterion in found.criteria)
     if table is None or not changed or _least_p(changed, tests) < SIGNIFICANCE_LEVEL:
-        return "no difference that these runs could show"
+        return "no significant difference in these runs"
     needed = next(n for n in range(changed, 100) if _least_p(n, tests) < SIGNIFICANCE_LEVEL)
     ahead = max((table.only_a, "A"), (table.only_b, "B"))
     return (
-        f"too few runs to tell: {ahead[0]} of the {changed} seeds that changed sides are {ahead[1]}'s, and "
-        f"{changed} cannot reach {100 * SIGNIFICANCE_LEVEL:.0f} % with {tests} criteria; {needed} could, "
-        f"which takes about {math.ceil(needed * table.total / changed)} seeds"
+        f"too few runs to tell: only {ahead[1]} reached its goal with {ahead[0]} of the {changed} seeds that "
+        f"changed sides; {changed} such seeds cannot give a p value of {100 * SIGNIFICANCE_LEVEL:.0f} % with "
+        f"{tests} criteria; {needed} can, for which about {math.ceil(needed * table.total / changed)} seeds "
+        "must be run"
     )
 
 

@@ -84,7 +84,9 @@ class BatchForecast:
         ]
         wall = self.wall_seconds
         cost = (
-            "no recorded job of it tells how long they take" if wall is None else f"about {_duration(wall)}"
+            "cost unknown, because not every recipe has recorded jobs"
+            if wall is None
+            else f"about {_duration(wall)}"
         )
         return "\n".join([*lines, f"{self.jobs} jobs on {self.workers} workers: {cost}"])
 

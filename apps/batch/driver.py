@@ -138,7 +138,7 @@ class WorkerPool:
             alone = 0.0 if self._reported_count else alone + _NODE_CHECK_PERIOD
         raise PicktreeError(
             f"the Ray cluster has had no node for {_NODE_RETURN_TIME_LIMIT:.0f} s; --resume continues "
-            "when it has one again"
+            "when the cluster has a node again"
         )
 
     def give(self, task: Task) -> None:
@@ -315,8 +315,8 @@ def _join_time_limit(batch: Connection, address: str | None) -> Generator[None]:
             reason = f"a Ray cluster on this machine did not start within {_JOIN_TIME_LIMIT:.0f} s"
         else:
             reason = (
-                f"the Ray cluster at {address} does not have this machine as a node, "
-                f"by the address that it goes by: ray start --address={address} --num-cpus=0"
+                f"this machine is not a node of the Ray cluster at {address}; "
+                f"join the cluster by the same address: ray start --address={address} --num-cpus=0"
             )
         batch.send(ClusterRefusal(reason))
         os._exit(1)

@@ -312,7 +312,9 @@ class JobProcess:
         killed = status.si_code in (os.CLD_KILLED, os.CLD_DUMPED)
         words = f"its process {exit_code_words(-status.si_status if killed else status.si_status)}"
         if killed and status.si_status == signal.SIGKILL:
-            return f"{words}, which came from outside: by hand, or for want of memory on the machine"
+            return (
+                f"{words}; the signal came from outside: a person sent it, or the machine ran out of memory"
+            )
         return words
 
     def _kill(self, number: signal.Signals) -> None:
@@ -332,11 +334,11 @@ class JobProcess:
     def _over_its_limits(self) -> str:
         order = self._order
         if time.monotonic() - self._began > order.wall:
-            return f"it took more than {order.wall:g} s of wall time"
+            return f"the job took more than {order.wall:g} s of wall time"
         if resident(self._pid) > order.memory:
-            return f"it took more than {order.memory / 1e6:.0f} MB of memory"
+            return f"the job took more than {order.memory / 1e6:.0f} MB of memory"
         if _written_bytes(order.folder) > order.disk:
-            return f"it wrote more than {order.disk / 1e6:.0f} MB to the disk"
+            return f"the job wrote more than {order.disk / 1e6:.0f} MB to the disk"
         return ""
 
 

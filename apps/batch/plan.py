@@ -74,11 +74,11 @@ def parse_seeds(text: str) -> tuple[int, ...]:
             start = int(first)
             stop = int(last) if colon else start + 1
         except ValueError:
-            raise PicktreeError(f"seeds {text!r}: {part.strip()!r} is no seed; {_EXAMPLE}") from None
+            raise PicktreeError(f"seeds {text!r}: {part.strip()!r} is not a seed; {_EXAMPLE}") from None
         if start < 0 or stop - 1 > LARGEST_SEED:
             raise PicktreeError(f"seeds {text!r}: a seed is 0 or more, and at most {LARGEST_SEED}")
         if stop <= start:
-            raise PicktreeError(f"seeds {text!r}: {part.strip()!r} holds no seed: {_EXAMPLE}")
+            raise PicktreeError(f"seeds {text!r}: the range {part.strip()!r} is empty: {_EXAMPLE}")
         if len(seeds) + stop - start > MOST_SEEDS:
             raise PicktreeError(f"seeds {text!r}: more than {MOST_SEEDS} seeds")
         seeds.update(dict.fromkeys(range(start, stop)))
@@ -94,7 +94,7 @@ def _seeds(value: object) -> tuple[int, ...]:
     parts: list[object] = cast("list[object]", value) if isinstance(value, list) else [value]
     if not parts or any(isinstance(part, bool) or not isinstance(part, int | str) for part in parts):
         raise file_models.InvalidValue(
-            f"{describe(cast('object', value))} is no list of seeds",
+            f"{describe(cast('object', value))} is not a list of seeds",
             "as 0:100 (half open) or [3, 7]",
             code="P801",
         )
@@ -107,14 +107,14 @@ def _seeds(value: object) -> tuple[int, ...]:
 def _bytes(value: object, of: str) -> int:
     match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([A-Za-z]+)\s*", value) if isinstance(value, str) else None
     if match is None or match[2] not in _BYTES:
-        raise file_models.InvalidValue(f"{describe(value)} is no amount of {of}", "as 2 GB", code="P801")
+        raise file_models.InvalidValue(f"{describe(value)} is not an amount of {of}", "as 2 GB", code="P801")
     return round(float(match[1]) * _BYTES[match[2]])
 
 
 def _setting(value: object) -> str:
     if not isinstance(value, str | int | float):
         raise file_models.InvalidValue(
-            f"{describe(value)} is no value of a port", "a text, a number, true or false", code="P801"
+            f"{describe(value)} cannot be the value of a port", "a text, a number, true or false", code="P801"
         )
     return str(value).lower() if isinstance(value, bool) else str(value)
 
@@ -172,7 +172,7 @@ class BatchPlan(file_models.FileValue):
     missions: Annotated[tuple[MissionPath, ...], Field(min_length=1)]
     """Mission files; paths count from this file."""
     seeds: Seeds
-    """0:100 is half open; 3,7 and lists of both are good, too."""
+    """Seeds of the jobs: 0:100 (100 not included), 3,7, or a list of both."""
     scenes: tuple[Replacement, ...] = field(default_factory=_own)
     """Shipped scenes or scene files, each instead of the missions' own."""
     robots: tuple[Replacement, ...] = field(default_factory=_own)
@@ -190,15 +190,15 @@ class BatchPlan(file_models.FileValue):
     verify: file_models.Flag = False
     """Judge every trajectory by the second collision checker."""
     limit: Seconds = 3600.0
-    """Simulated time of a job."""
+    """Simulated time after which the run of a job is ended."""
     wall_limit: Seconds = 3600.0
-    """Wall time of a job; then it is ended."""
+    """Wall time after which a job is ended."""
     memory: Memory = 4 * 10**9
-    """Memory of a job, as 2 GB; then it is ended."""
+    """Memory above which a job is ended, as 2 GB."""
     disk: Disk = 10 * 10**9
-    """Data written by a job, as 2 GB; then it is ended."""
+    """Amount of written data above which a job is ended, as 2 GB."""
     keep: Keep = "failures"
-    """Whose logs stay on the disk."""
+    """Jobs whose logs stay on the disk."""
 
     def variants(self) -> Iterator[Variant]:
         """Yield every combination; the last list changes fastest."""
@@ -306,11 +306,13 @@ def read_plan(folder: Path) -> BatchPlan:
     try:
         return _recorded(json.loads((folder / PLAN_FILE).read_bytes()))
     except OSError:
-        raise PicktreeError(f"{folder}: no batch: there is no {PLAN_FILE} in it") from None
+        raise PicktreeError(f"{folder}: not a batch: there is no {PLAN_FILE} in this folder") from None
     except ValidationError as error:
-        raise PicktreeError(f"{folder / PLAN_FILE}: no plan of a batch: {error.errors()[0]['msg']}") from None
+        raise PicktreeError(
+            f"{folder / PLAN_FILE}: not a valid plan of a batch: {error.errors()[0]['msg']}"
+        ) from None
     except (ValueError, KeyError, TypeError, AttributeError):
-        raise PicktreeError(f"{folder / PLAN_FILE}: no plan of a batch") from None
+        raise PicktreeError(f"{folder / PLAN_FILE}: not a valid plan of a batch") from None
 
 
 def _recorded(fields: dict[str, Any]) -> BatchPlan:

@@ -76,7 +76,7 @@ def difference(here: Installation, there: Installation) -> str:
         name for name in {*here.sources, *there.sources} if here.sources.get(name) != there.sources.get(name)
     )
     if files:
-        return f"its picktree is another: {', '.join(files[:3])}{' and more' if len(files) > 3 else ''}"
+        return f"its picktree differs in {', '.join(files[:3])}{' and more' if len(files) > 3 else ''}"
     return ""
 
 
@@ -172,7 +172,7 @@ class RayExecutor:
             while not self._slots and time.monotonic() < until:
                 self._event_of(self._received(1.0))
             if not self._slots:
-                raise PicktreeError(f"{self._where} was not there within {_START_TIME_LIMIT:.0f} s")
+                raise PicktreeError(f"{self._where} did not start within {_START_TIME_LIMIT:.0f} s")
         except BaseException:
             self.close()
             raise

@@ -56,7 +56,7 @@ class RerunJob:
             lines.append(f"crashed     {self.message}")
         elif not self.recorded_digest:
             lines.append(
-                f"now         {self.status}; it crashed when the batch ran it, so there is no digest"
+                f"now         {self.status}; the job crashed in the batch, so there is no digest to compare"
             )
         else:
             lines += [
@@ -104,7 +104,9 @@ def remake_into(store: Store, job: Job, scratch: Path, executor: Executor) -> Pa
     """
     found = _rerun(store, job, f"{store.path.parent}@{job.id}", scratch, executor)
     if not found.identical or found.log is None:
-        raise PicktreeError(f"seed {job.seed}, {job.variant.label}: run again, it is another run")
+        raise PicktreeError(
+            f"seed {job.seed}, {job.variant.label}: the repeated run differs from the recorded one"
+        )
     return found.log
 
 

@@ -72,7 +72,7 @@ def run_query(path: Path, sql: str) -> QueryResult:
         with closing(_connection(path)) as connection:
             cursor = connection.execute(sql)
             if cursor.description is None:
-                raise PicktreeError("the query cannot be answered: it is no SELECT")
+                raise PicktreeError("the query cannot be answered: it is not a SELECT")
             return QueryResult(tuple(column[0] for column in cursor.description), tuple(cursor.fetchall()))
     except (sqlite3.Error, sqlite3.Warning) as error:
         raise PicktreeError(f"the query cannot be answered: {_error_words(error)}") from None
@@ -123,7 +123,7 @@ def _error_words(error: Exception) -> str:
             hint = suggest_name(name.rpartition(".")[2], columns)
             return f"{message} ({hint})" if hint.startswith("did") else message  # there are too many to list
         case "attempt to write a readonly database":
-            return "it would change the results; a query only reads them"
+            return "the query would change the results; a query may only read them"
         case _:
             return message
 
@@ -152,7 +152,7 @@ class Store:
     def __init__(self, path: Path) -> None:
         """Open existing results."""
         if not path.is_file():
-            raise PicktreeError(f"{path.parent}: no batch: there is no {path.name} in it")
+            raise PicktreeError(f"{path.parent}: not a batch: there is no {path.name} in this folder")
         self.path = path
         self._connection = _connect(path)
         (version,) = self._connection.execute("PRAGMA user_version").fetchone()
@@ -299,7 +299,7 @@ class Store:
         except sqlite3.Error as error:
             raise PicktreeError(
                 f"{self.path}: the results cannot be written: {error}; nothing that was recorded is lost: "
-                f"mend that, and continue with --resume {self.path.parent}"
+                f"mend the cause, and continue with --resume {self.path.parent}"
             ) from None
 
     def query(self, sql: str) -> QueryResult:
@@ -415,7 +415,10 @@ def find_job(store: Store, where: str, named: str) -> Job:
     if by_seed is None:
         fitting = [job for job in jobs if named and job.id.startswith(named)]
         if len(fitting) > 1:
-            raise PicktreeError(f"{where}: {len(fitting)} jobs begin so: {fitting[0].id}, {fitting[1].id}, …")
+            raise PicktreeError(
+                f"{where}: the ids of {len(fitting)} jobs begin like this: {fitting[0].id}, "
+                f"{fitting[1].id}, …"
+            )
         if not fitting:
             raise PicktreeError(f"{where}: there is no such job; name it as {GRAMMAR}")
         return fitting[0]

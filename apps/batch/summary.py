@@ -282,7 +282,7 @@ def _worst_places(places: tuple[TableCellShare, ...]) -> str:
         f"{p.rate.successes} of {p.rate.total} at {p.x:.2f}, {p.y:.2f} m" for p in lacking[:_MAX_NAMED_PLACES]
     ]
     more = (
-        f"; and fewer in {len(lacking) - _MAX_NAMED_PLACES} places more"
+        f"; not all in {len(lacking) - _MAX_NAMED_PLACES} further cells"
         if len(lacking) > _MAX_NAMED_PLACES
         else ""
     )

@@ -56,7 +56,10 @@ Position: TypeAlias = Annotated[
     float, table_files.ColumnDoc("place of the item's arrival, in the world", "m")
 ]
 Folder: TypeAlias = Annotated[
-    str, table_files.ColumnDoc("folder of the run with its log, below the batch; empty: not kept")
+    str,
+    table_files.ColumnDoc(
+        "folder of the run with its log, relative to the batch's folder; empty when not kept"
+    ),
 ]
 LastTick: TypeAlias = Annotated[int | None, table_files.ColumnDoc("number of the last tick in the log")]
 
@@ -70,10 +73,13 @@ class JobItemRow:
     x: Position
     y: Position
     arrived: Annotated[
-        float, table_files.ColumnDoc("simulated time of its first presence; 0: at the start", "s")
+        float,
+        table_files.ColumnDoc(
+            "simulated time at which the item appears; 0 when it is there from the start", "s"
+        ),
     ]
     destination: Annotated[str | None, table_files.ColumnDoc("bin of its destination")]
-    bin: Annotated[str | None, table_files.ColumnDoc("bin in which it ended")]
+    bin: Annotated[str | None, table_files.ColumnDoc("bin in which the item ended")]
     verdict: Annotated[
         Literal["sorted", "misplaced", "left", "no destination"],
         table_files.ColumnDoc("sorted, misplaced, left, no destination"),
@@ -94,7 +100,7 @@ class JobFailureRow(
         seconds_lost=Annotated[
             float | None,
             table_files.ColumnDoc(
-                "simulated time lost of its episode, at the episode's first failure; 0 at others", "s"
+                "simulated time that the episode lost, at its first failure; 0 at its later failures", "s"
             ),
         ],
     )
@@ -143,14 +149,16 @@ class JobPlanRow(row_type(Plan, "time request planner outcome checks thinking du
 @dataclass(frozen=True, slots=True)
 class JobTimingRow:
     phase: Annotated[Phase, table_files.ColumnDoc("observe, think, move, grasp, place, recover, other")]
-    seconds: Annotated[float, table_files.ColumnDoc("simulated time spent in it", "s")]
+    seconds: Annotated[float, table_files.ColumnDoc("simulated time spent in the phase", "s")]
 
 
 @dataclass(frozen=True, slots=True)
 class CrashRow:
     attempt: Annotated[int, table_files.ColumnDoc("number of the attempt, from 1")]
-    reason: Annotated[str, table_files.ColumnDoc("reason of its end, and the node or line at that time")]
-    last_tick: Annotated[int | None, table_files.ColumnDoc("number of the last tick in its log")]
+    reason: Annotated[
+        str, table_files.ColumnDoc("reason of the attempt's end, and the node or line at that time")
+    ]
+    last_tick: Annotated[int | None, table_files.ColumnDoc("number of the last tick in the attempt's log")]
     folder: Folder
 
 
@@ -160,7 +168,7 @@ class JobRow:
         JobStatus,
         table_files.ColumnDoc("success, incomplete, failure, timeout, paused, crashed; waiting: not yet run"),
     ]
-    message: Annotated[str, table_files.ColumnDoc("sentence on why it failed or crashed")]
+    message: Annotated[str, table_files.ColumnDoc("sentence with the reason why the job failed or crashed")]
     digest: Annotated[
         str, table_files.ColumnDoc("digest of everything simulated; equal runs have equal digests")
     ]
@@ -177,9 +185,9 @@ class JobRow:
     cpu_seconds: Annotated[float | None, table_files.ColumnDoc("CPU time", "s")] = None
     wall_seconds: Annotated[float | None, table_files.ColumnDoc("wall time", "s")] = None
     last_tick: LastTick = None
-    root_cause: Annotated[str, table_files.ColumnDoc("root cause that cost the goal, else the first one")] = (
-        ""
-    )
+    root_cause: Annotated[
+        str, table_files.ColumnDoc("root cause that cost the goal; without one, the first root cause")
+    ] = ""
     look_at: Annotated[str, table_files.ColumnDoc("line on the root cause or first key moment")] = ""
     folder: Folder = ""
 
@@ -263,13 +271,13 @@ TABLES = (
         (
             _text("job", "id: hash of the job's complete input"),
             table_files.Column("number", "int", False, "", "index in the plan, from 0"),
-            _text("variant", "label of the recipe: its differences from the others of the plan"),
+            _text("variant", "label of the recipe: its differences from the plan's other recipes"),
             _text("mission", "path of the mission"),
             _text("scene", "name or path of the scene; empty: the mission's own"),
             _text("faults", "path of the faults file; empty: none"),
             _text("settings", "settings as a JSON object"),
             table_files.Column("seed", "int", False, "", "seed of all random numbers"),
-            _text("recipe", "hash of its input without the seed; recipes/HASH.zip holds that input"),
+            _text("recipe", "hash of the job's input without the seed; recipes/HASH.zip holds this input"),
             *columns(JobRow),
         ),
         key=("job",),
@@ -293,7 +301,7 @@ TABLES = (
     _table("timings", "a phase of a job", JobTimingRow, key=("job", "phase")),
     _table(
         "crashes",
-        "an attempt at a job without a result, also when a later attempt succeeded",
+        "an attempt at a job that gave no result, even if a later attempt gave one",
         CrashRow,
         key=("job", "attempt"),
     ),

@@ -25,7 +25,7 @@ def diff(
             metavar="A", help="Log file, run folder, 'last', or a batch's job: DIR@seed=7.", parser=run_log
         ),
     ],
-    b: Annotated[str, typer.Argument(metavar="B", help="The run that it is compared with.", parser=run_log)],
+    b: Annotated[str, typer.Argument(metavar="B", help="The run to compare LOG with.", parser=run_log)],
     json: JsonResult = False,
 ) -> None:
     """Compare two runs: their divergence and all differences. Exit code 0: they are identical; 1: they
@@ -122,7 +122,7 @@ def runs(
     from picktree.logs import line, run_index
 
     if prune and where is None and not keep:
-        raise PicktreeError("--prune deletes what is listed: say what with --where CONDITION, or --keep N")
+        raise PicktreeError("--prune deletes the listed runs: choose them with --where CONDITION or --keep N")
     index = run_index.RunIndex(folder)
     found: list[run_index.RunRow] = []
     for number, row in enumerate(index.select(None if where is None else run_index.RunFilter.parse(where))):
@@ -151,7 +151,9 @@ def _prune(index: run_index.RunIndex, found: Sequence[run_index.RunRow], *, yes:
     size = f"{len(found)} runs, {sum(row.size for row in found) / 1e6:.1f} MB"
     if found and not yes:
         if not sys.stdin.isatty():
-            raise PicktreeError(f"--prune would delete {size}; say --yes where nobody can be asked")
+            raise PicktreeError(
+                f"--prune would delete {size}; give --yes when there is no terminal to confirm it"
+            )
         if not typer.confirm(f"Delete {size}?", err=True):
             return []
     refused: list[str] = []
@@ -169,7 +171,8 @@ def layout(
         str | None, typer.Argument(metavar="[LOG]", help="Ignored: one layout fits every log.")
     ] = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="FILE", help="JSON file; without: text, here.")
+        Path | None,
+        typer.Option("-o", "--output", metavar="FILE", help="JSON file; without it, text on stdout."),
     ] = None,
 ) -> None:
     """Write the layout for Foxglove and Lichtblick: scene, tree, plots, images, events."""
@@ -292,7 +295,7 @@ def video(
         typer.Option("--to", metavar="SECONDS", help="Simulated time.", show_default="the end of the run"),
     ] = None,
     speed: Annotated[
-        float, typer.Option(metavar="TIMES", help="Simulated seconds in one of the film.")
+        float, typer.Option(metavar="TIMES", help="Simulated seconds per second of the film.")
     ] = 1.0,
     fps: Annotated[
         int | None, typer.Option(min=1, max=60, help="Frames in a second.", show_default="20, GIF 10")
@@ -304,7 +307,7 @@ def video(
     show: Show = "belief",
     processes: Annotated[
         int | None,
-        typer.Option(min=1, help="Drawing processes.", show_default="one a processor, up to 4"),
+        typer.Option(min=1, help="Drawing processes.", show_default="one per processor, at most 4"),
     ] = None,
     json: JsonWritten = False,
 ) -> None:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def attach(
     run: Annotated[str, typer.Argument(metavar="RUN", help="Run folder, log file, or 'last'.")],
     watch: Annotated[
-        bool, typer.Option("--watch", help="Only watch: read no commands, and let nothing wait for this.")
+        bool, typer.Option("--watch", help="Only watch: read no commands, and never make the run wait.")
     ] = False,
 ) -> None:
     """Watch and steer a run in another process: pause, step, look, set breakpoints, answer.
@@ -139,7 +139,7 @@ class _Conversation:
                 for number, choice in enumerate(question["choices"], 1):
                     self._say(f"  {number}  {choice}")
                 if self._steer:
-                    self._say("`answer TEXT` answers, with a number or the beginning of one")
+                    self._say("`answer TEXT` answers, with the number of an answer or with its beginning")
             case {"told": text, "time": now}:
                 self._say(f"{now:8.2f} s  {text}")
             case {"state": progress, "time": now, "node": node, "failures": failures}:

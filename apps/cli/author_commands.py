@@ -46,7 +46,7 @@ def registry(*, shipped: bool = False) -> NodeRegistry:
         return NodeRegistry((*RECOVERY, *SKILLS), installed=False)
     found = NodeRegistry()
     for problem in found.problems:
-        print(f"{problem.message}; its nodes are left out", file=sys.stderr)
+        print(f"{problem.message}; the plug-in's nodes are left out", file=sys.stderr)
     return found
 
 
@@ -97,7 +97,7 @@ def check(
     ] = False,
     stdin_filename: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="File name of stdin, in whose folder names are looked for."),
+        typer.Option(metavar="FILE", help="File name of stdin; other files are looked for in its folder."),
     ] = None,
 ) -> None:
     """Check files of any kind: all errors of all files at once. Exit code 2: there are errors."""
@@ -243,7 +243,7 @@ def rehearse(
             metavar="PERCENT",
             min=0,
             max=100,
-            help="Exit code 1 also when cases reach fewer branches of recovery.",
+            help="Exit code 1 also when cases reach less than PERCENT of the branches of recovery.",
         ),
     ] = 0,
     causes: Annotated[

@@ -46,7 +46,7 @@ Missions: TypeAlias = Annotated[
     typer.Option(metavar="FILE", help="Missions to be run, instead of a plan.", parser=mission_file),
 ]
 Seeds: TypeAlias = Annotated[
-    str, typer.Option(metavar="SEEDS", help="Seeds: 0:100 without the last, or 3,7.")
+    str, typer.Option(metavar="SEEDS", help="Seeds: 0:100 (100 not included), or 3,7.")
 ]
 Scenes: TypeAlias = Annotated[
     list[str] | None,
@@ -81,7 +81,7 @@ ClusterAddress: TypeAlias = Annotated[
     typer.Option(
         metavar="HOST:PORT",
         help="Running Ray cluster with this machine in it, or auto.",
-        show_default="one of this machine, for this batch",
+        show_default="a new cluster on this machine, for this batch",
     ),
 ]
 NewFolder: TypeAlias = Annotated[
@@ -124,7 +124,7 @@ def run(
     """
     _require_one_source(context, plan, mission, resume)
     if address is not None and executor == "local":
-        raise PicktreeError("--address is of a Ray cluster: add --executor ray")
+        raise PicktreeError("--address names a Ray cluster: add --executor ray")
     require_place(junit)
     answer = keep_stdout() if json else None
 
@@ -171,8 +171,8 @@ def _refuse_what_a_plan_says(context: typer.Context, also: Sequence[str]) -> Non
         source = context.get_parameter_source(name)
         if source is not None and source.name == "COMMANDLINE":
             option = f"--{name.strip('_').replace('_', '-')}"
-            whose = "the batch has its own" if also else "the plan file says its own"
-            raise PicktreeError(f"{option} goes with --mission: {whose}")
+            whose = "the batch has its own value" if also else "the plan file has its own value"
+            raise PicktreeError(f"{option} can only be given with --mission: {whose}")
 
 
 def _executor(
@@ -276,7 +276,10 @@ def plan(
     ] = Path("runs"),
     workers: Workers = None,
     stdin: Annotated[
-        bool, typer.Option("--stdin", help="Read the text from stdin; PLAN names its place.")
+        bool,
+        typer.Option(
+            "--stdin", help="Read the plan's text from stdin; its paths count from the place of PLAN."
+        ),
     ] = False,
     json: Json = False,
 ) -> None:
@@ -355,7 +358,10 @@ def export(
     folder: Folder,
     to: Annotated[Literal["csv", "parquet"], typer.Option("--to", help="Form of the files.")],
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="FOLDER", help="Folder for the files, one a table.")
+        Path,
+        typer.Option(
+            "-o", "--output", metavar="FOLDER", help="Folder for the files, one file for each table."
+        ),
     ],
     json: JsonWritten = False,
 ) -> None:
@@ -376,7 +382,10 @@ def compare(
         int, typer.Option(min=0, help="Maximum number of changed seeds whose divergence is searched.")
     ] = 3,
     remake: Annotated[
-        bool, typer.Option("--remake", help="Run jobs without a kept log again for that.")
+        bool,
+        typer.Option(
+            "--remake", help="If a job's log was not kept, run the job again to find the divergence."
+        ),
     ] = False,
     unpaired: Annotated[
         bool, typer.Option("--unpaired", help="Compare as independent runs, even with shared seeds.")

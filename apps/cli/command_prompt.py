@@ -95,7 +95,8 @@ class CommandPrompt:
         lines = [f"{command.usage:<{width}}  {command.help}" for command in wanted]
         if not word:
             lines.append(
-                "A command may be shortened; an empty line repeats the last. PATH may be the end of one."
+                "A command may be shortened; an empty line repeats the last. PATH may be the end "
+                "of a node's path."
             )
         return self._show(lines)
 

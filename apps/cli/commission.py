@@ -37,13 +37,15 @@ def calibrate(
         str,
         typer.Option(
             metavar="X,Y[,YAW]",
-            help="Pose of an added target for a scene without one, as 0.5,0,20deg.",
-            show_default="in the middle of where items lie",
+            help="Pose of the target that is added to a scene without a target, as 0.5,0,20deg.",
+            show_default="the middle of the items' area",
         ),
     ] = "",
     robot: OtherRobot = None,
     seed: Seed = 0,
-    views: Annotated[int, typer.Option(min=4, max=100, help="Viewpoints of a camera on the hand.")] = 12,
+    views: Annotated[
+        int, typer.Option(min=4, max=100, help="Number of viewpoints of a camera on the hand.")
+    ] = 12,
     output: Annotated[
         Path | None,
         typer.Option(
@@ -167,7 +169,9 @@ def new(
     output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="Robot file to write.")],
     gripper: Annotated[
         str | None,
-        typer.Option(metavar="URDF[:LINK]", help="Gripper to mount, from that link of its URDF on."),
+        typer.Option(
+            metavar="URDF[:LINK]", help="Gripper to mount: its URDF, and the first link of the gripper in it."
+        ),
     ] = None,
     mount: Annotated[
         str | None, typer.Option(metavar="LINK", help="Link of the arm on which --gripper is mounted.")

@@ -40,13 +40,14 @@ def convert(
         typer.Option(metavar="PY", help="Plug-in with nodes of the XML; the mission names it."),
     ] = None,
     main: Annotated[
-        str, typer.Option(metavar="TREE", help="Tree of the XML with which the mission begins.")
+        str, typer.Option(metavar="TREE", help="Tree of the XML that becomes the mission's tree 'Main'.")
     ] = "",
     enum: Annotated[
-        list[str] | None, typer.Option(metavar="NAME=NUMBER", help="Name of a number in the XML's scripts.")
+        list[str] | None,
+        typer.Option(metavar="NAME=NUMBER", help="Value of an enum name in the XML's scripts."),
     ] = None,
     strict: Annotated[
-        bool, typer.Option("--strict", help="Refuse XML with content without a meaning for a run.")
+        bool, typer.Option("--strict", help="Refuse XML with content that has no meaning for a run.")
     ] = False,
 ) -> None:
     """Turn a mission into XML of BehaviorTree.CPP 4 and Groot2, and such XML into a mission."""
@@ -97,8 +98,10 @@ def _beside(file: Path, folder: Path) -> str:
     """Return the name by which a mission in the folder names a plug-in's file. Raises PicktreeError."""
     name = os.path.relpath(file, folder)
     if name.startswith("..") or not name.endswith(".py"):
-        message = f"{file} is no Python file in the mission's folder {folder or Path()}"
-        raise PicktreeError(f"{message}; a mission names plug-ins there or below it")
+        message = f"{file} is not a Python file in the mission's folder {folder or Path()}"
+        raise PicktreeError(
+            f"{message}; a mission can only name plug-ins in that folder or in its subfolders"
+        )
     return Path(name).as_posix()
 
 

@@ -145,26 +145,34 @@ class DebugPrompt(CommandPrompt):
         self._stop = DebuggerStop("tick")
         self._debugger: Debugger | None = None
         self.offer(
-            Command("tree [PATH]", "the nodes with their statuses; PATH: those below it", self._show_tree),
+            Command(
+                "tree [PATH]",
+                "the nodes with their statuses; with PATH, only the nodes below it",
+                self._show_tree,
+            ),
             Command("where", "the nodes from the root to the stopped one", self._show_where),
             Command("node [PATH]", "a node: its ports, status, failure", self._show_node),
             Command(
                 "blackboard [KEY]", "the keys that contain KEY, with their values", self._show_blackboard
             ),
             Command("belief [ID]", "the objects that the robot believes in", self._show_belief),
-            Command("print EXPRESSION", "its value, as the stopped node reads it", self._print, "p"),
+            Command(
+                "print EXPRESSION", "the expression's value, as the stopped node reads it", self._print, "p"
+            ),
             Command(
                 "set KEY = VALUE",
                 "change a blackboard entry: a value as in a mission, or {= expression}",
                 self._set,
             ),
-            Command("step [N]", "to the end of the present or next tick, of N ticks", self._step, "s"),
-            Command("next", "to the next start or end of a node", self._next, "n"),
-            Command("continue", "to the next breakpoint", lambda _: True),
-            Command("break [PATH [before|after]]", "stop there; without PATH: list", self._break, "b"),
-            Command("delete [NUMBER]", "a breakpoint, or all", self._delete),
+            Command("step [N]", "continue to the end of the tick, or of N ticks", self._step, "s"),
+            Command("next", "continue to the next start or end of a node", self._next, "n"),
+            Command("continue", "continue to the next breakpoint", lambda _: True),
+            Command(
+                "break [PATH [before|after]]", "set a breakpoint; without PATH, list all", self._break, "b"
+            ),
+            Command("delete [NUMBER]", "delete a breakpoint, or all", self._delete),
             Command("quit", "interrupt the run", self._quit),
-            Command("help [COMMAND]", "this", self.show_help),
+            Command("help [COMMAND]", "show this help", self.show_help),
         )
 
     def __call__(self, debugger: Debugger, stop: DebuggerStop) -> None:

@@ -73,7 +73,7 @@ STARTERS: Final[Mapping[StartKind, StarterFiles]] = {
             StarterFile("lift.py", "the skill: its ports, its causes, what it does"),
             StarterFile("lift.yaml", "a mission that uses it"),
             StarterFile("cases/lift.yaml", "what must happen when it fails"),
-            StarterFile("schemas/lift.json", "for editors; it knows the skill", "mission"),
+            StarterFile("schemas/lift.json", "for editors, with the ports of the skill", "mission"),
             StarterFile("schemas/cases.json", "the same for the cases", "cases"),
         ),
         (

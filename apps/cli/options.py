@@ -59,7 +59,8 @@ Verify: TypeAlias = Annotated[
     bool, typer.Option("--verify", help="Check every trajectory with a second collision checker.")
 ]
 OtherSettings: TypeAlias = Annotated[
-    list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Other parameter of the mission.")
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help="Another value of a parameter of the mission."),
 ]
 RunsFolder: TypeAlias = Annotated[
     Path | None, typer.Option(metavar="DIR", help="Folder for the run's folder.", show_default="runs")

@@ -198,7 +198,10 @@ class PersonAtTerminal(Interrupter):
                 if choice is not None:
                     return choice
                 if line.strip():
-                    self._say(f"{line.strip()!r} is not among them: write a number or the beginning of one")
+                    self._say(
+                        f"{line.strip()!r} is not among the answers: write the number of an answer "
+                        "or its beginning"
+                    )
 
     def _say(self, *lines: str) -> None:
         for line in lines:

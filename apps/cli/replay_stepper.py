@@ -30,19 +30,21 @@ class ReplayStepper(CommandPrompt):
         self._failures = sorted(failed, key=lambda visit: (visit.last, -visit.path.count("/")))
         """Visits that failed by themselves, in the order of the failures, within a tick the deepest first."""
         self.offer(
-            Command("next [N]", "a tick on, or N", lambda n: self._step(tick_count(n)), "n"),
-            Command("previous [N]", "a tick back, or N", lambda n: self._step(-tick_count(n)), "p"),
-            Command("to TIME", "to a time of the run, as 12.5; `to end` to its end", self._to),
-            Command("failure [back]", "to the next failure, or the last before, with its evidence",
+            Command("next [N]", "go one tick forward, or N ticks", lambda n: self._step(tick_count(n)), "n"),
+            Command("previous [N]", "go one tick back, or N "
+            "ticks", lambda n: self._step(-tick_count(n)), "p"),
+            Command("to TIME", "go to a time of the run, as 12.5; `to end`: go to its end", self._to),
+            Command("failure [back]", "go to the next failure, or back to the previous one; show its "
+            "evidence",
                     self._failure, "f"),
-            Command("show", "this tick again", lambda _: self.show_here()),
+            Command("show", "show this tick again", lambda _: self.show_here()),
             Command("tree", "all nodes with their statuses", lambda _: self._show(tree_lines(self._rows()))),
-            Command("events", "all events until here", lambda _: self._show(self._events())),
+            Command("events", "all events up to this tick", lambda _: self._show(self._events())),
             Command("blackboard [KEY]", "the keys that contain KEY, and values",
                     lambda key: self._show(blackboard_lines(run.blackboard_at(self._time), key))),
             Command("belief [ID]", "the objects that the robot believed in", self._belief),
             Command("quit", "end the replay", lambda _: True),
-            Command("help [COMMAND]", "this", self.show_help),
+            Command("help [COMMAND]", "show this help", self.show_help),
         )  # fmt: skip
 
     @property

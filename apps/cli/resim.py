@@ -67,7 +67,7 @@ def resim(
         str, typer.Argument(metavar="LOG|DIR@JOB", help="Log file, run folder, 'last'; or a job of a batch.")
     ],
     until: Annotated[
-        str | None, typer.Option(metavar="TICK", help="Stop there: a tick (412) or a time (20.6s).")
+        str | None, typer.Option(metavar="TICK", help="Tick (412) or time (20.6s) at which the run stops.")
     ] = None,
     mission: Annotated[
         Path | None,
@@ -81,7 +81,7 @@ def resim(
     no_faults: Annotated[bool, typer.Option("--no-faults", help="No faults.")] = False,
     seed: Annotated[int | None, typer.Option(min=0, help="Another seed.")] = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Keep the new log, in a folder made there.")
+        Path | None, typer.Option(metavar="DIR", help="Keep the new log, in a new folder inside DIR.")
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print the comparison as one JSON object.")] = False,
 ) -> None:
@@ -110,7 +110,7 @@ def resim(
     with StatusLine() as line:
 
         def progress(now: float, end: float) -> None:
-            line.say(f"running it again: {now:.1f} of {end:.1f} s")
+            line.say(f"running again: {now:.1f} of {end:.1f} s")
 
         found = resimulate(log, changes=changes, until=until, out=out, progress=progress)
     if found.warnings:

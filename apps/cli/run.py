@@ -48,7 +48,11 @@ OtherScene: TypeAlias = Annotated[
 ]
 Settings: TypeAlias = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="NAME=VALUE", help="Parameter, or port as SortOne/Grasp.force."),
+    typer.Option(
+        "--set",
+        metavar="NAME=VALUE",
+        help="Value of a parameter, or of a node's port, as SortOne/Grasp.force=20.",
+    ),
 ]
 FaultsFile: TypeAlias = Annotated[
     Path | None, typer.Option(metavar="FILE", help="Faults to inject.", parser=faults_file)
@@ -64,7 +68,7 @@ TimeLimit: TypeAlias = Annotated[
     typer.Option(
         metavar="TIME",
         help="Simulated time after which the run is ended, as 90 min.",
-        show_default="1 h; with --resume as before",
+        show_default="1 h; with --resume the limit of the resumed run",
     ),
 ]
 RotateMegabytes: TypeAlias = Annotated[
@@ -94,7 +98,8 @@ AsItStands: TypeAlias = Annotated[
     bool,
     typer.Option(
         "--as-it-stands",
-        help="With --resume: start from the simulation's last state and the checkpoint's belief; look first.",
+        help="With --resume: start from the simulation's last state and the checkpoint's belief; "
+        "the robot looks first.",
     ),
 ]
 Wait: TypeAlias = Annotated[

@@ -124,19 +124,22 @@ def propose_poses(model: RobotModel, space: SpaceOverTable, seed: int = 0) -> tu
     comment = "Tool down in front of the first joint."
     if home is None:
         home = search.anywhere()
-        comment = "No pose with the tool down was found that is free: this one is free and away from limits."
+        comment = "No free pose with the tool down was found. This pose is free and away from limits."
     if home is None:
         return None
     observe = aside = _turned(model, space, home)
     if aside is not None and _hides(model, home) and not _hides(model, aside):
-        home, comment = aside, "Turned to the side: in front, the arm would hide the table from a camera."
-    about_observe = "As home, turned to the side, out of the view of a camera above the table."
+        home, comment = aside, "Turned to the side. In front, the arm would hide the table from a camera."
+    about_observe = "Home turned to the side, where a camera above the table does not see the arm."
     if observe is None:
-        observe, about_observe = home, "As home: turned to the side, the arm would hit itself or a limit."
+        observe, about_observe = (
+            home,
+            "Same as home. If the arm turned to the side, it would hit itself or a limit.",
+        )
     rest = search.best(REST_DISTANCES, REST_HEIGHTS, folded=True)
-    about_rest = "Folded over the base, for standing by."
+    about_rest = "Folded over the base, to wait between runs."
     if rest is None:
-        rest, about_rest = home, "As home: no folded pose is free."
+        rest, about_rest = home, "Same as home, because no folded pose is free."
     found = (("home", home, comment), ("observe", observe, about_observe), ("rest", rest, about_rest))
     return tuple(NamedPose(name, tuple(round(float(v), 3) for v in q), about) for name, q, about in found)
 

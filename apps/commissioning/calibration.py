@@ -114,7 +114,9 @@ def output_file(scene: str, wanted: Path | None, *, replace: bool) -> Path:
     if wanted.suffix not in (".yaml", ".yml"):
         raise PicktreeError(f"-o {wanted}: a scene file ends in .yaml")
     if wanted.exists() and wanted.resolve() == path.resolve():
-        raise PicktreeError(f"-o {wanted} is the scene itself, on which the new file is laid; name another")
+        raise PicktreeError(
+            f"-o {wanted} is the scene itself, which the new file needs as its base; name another file"
+        )
     if wanted.is_dir() or not (wanted.absolute().parent).is_dir():
         raise PicktreeError(f"{wanted} cannot be written: there is no such folder")
     if wanted.exists() and not replace:
@@ -151,7 +153,7 @@ def write(
         lines += [f"    # {_deviation_comment(camera)}", f"    {camera.name}: {_pose_text(camera.pose)}"]
     for camera, pose in kept:
         lines += [
-            "    # As calibrated before; seen from the TCP of this time.",
+            "    # Kept from the last calibration, and converted to the TCP of this one.",
             f"    {camera}: {_pose_text(pose)}",
         ]
     if tool is not None:
@@ -159,7 +161,8 @@ def write(
         sigma = ", ".join(f"{1000 * s:.3f}" for s in tool.deviation)
         turn = "" if tcp.rpy() == (0.0, 0.0, 0.0) else f", rpy: {_list(tcp.rpy())}"
         lines += [
-            f"  # ± {sigma} mm along x, y, z, from {tool.touches} touches; they do not tell its turn.",
+            f"  # ± {sigma} mm along x, y, z, from {tool.touches} touches; touching does not "
+            "measure the rotation.",
             f"  tcp: {{offset: {_list(tcp.position)}{turn}}}",
         ]
     text = "\n".join(lines) + "\n"
@@ -239,8 +242,7 @@ class CalibrationAnswer:
                 lines += _tool_lines(self.known.tool)
             off, turned = self.target_off
             lines.append(
-                f"target      stood {1000 * off:.1f} mm and {math.degrees(turned):.2f}° from where it was "
-                "believed to"
+                f"target      was {1000 * off:.1f} mm and {math.degrees(turned):.2f}° from its believed pose"
             )
         lines += [f"{name:<12}not calibrated: it does not see the target" for name in self.unseen]
         if self.skipped:
@@ -279,8 +281,8 @@ def _camera_lines(camera: CameraEstimate) -> list[str]:
     views = f"{camera.shots} views" if camera.on_hand else "one place"
     return [
         f"{camera.name:<12}was {1000 * camera.moved:.2f} mm and {math.degrees(camera.turned):.2f}° off; "
-        f"now known to ± {1000 * sigma:.2f} mm, ± {math.degrees(angle):.2f}°",
-        f"            from {views}; left over {camera.pixels:.2f} px, {1000 * camera.depth:.2f} mm of depth",
+        f"its pose is now known to ± {1000 * sigma:.2f} mm, ± {math.degrees(angle):.2f}°",
+        f"            from {views}; residual {camera.pixels:.2f} px, {1000 * camera.depth:.2f} mm of depth",
     ]
 
 
@@ -290,9 +292,10 @@ def _tool_lines(tool: ToolEstimate) -> list[str]:
         return [f"tool        not changed: {tool.touches} touches determine it to ± {sigma} mm only"]
     x, y, z = (1000 * c for c in tool.offset)
     return [
-        f"tool        was off by x {x:+.2f}, y {y:+.2f}, z {z:+.2f} mm; now known to ± {sigma} mm",
-        f"            from {tool.touches} touches; left over {1000 * tool.left:.2f} mm; "
-        "its turn is not felt by the tips",
+        f"tool        was off by x {x:+.2f}, y {y:+.2f}, z {z:+.2f} mm; its position is now known "
+        f"to ± {sigma} mm",
+        f"            from {tool.touches} touches; residual {1000 * tool.left:.2f} mm; "
+        "touching does not measure the tool's rotation",
     ]
 
 

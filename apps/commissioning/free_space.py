@@ -69,12 +69,17 @@ class SpaceOverTable:
                 pairs[pair] += 1
                 least[pair] = min(depth, least.get(pair, depth))
         if not pairs:
-            return f"{EXPLAINED_CONFIGURATIONS} random poses are free, and none has the tool in front"
+            return (
+                f"{EXPLAINED_CONFIGURATIONS} random poses are free, but none has the tool in front of the arm"
+            )
         (pair, count), *_ = pairs.most_common(1)
         depth = 1000 * least[pair]
         gap = f"{depth:.0f} mm in each other" if depth > 0.0 else f"{-depth:.0f} mm apart"
         share = 100 * count / EXPLAINED_CONFIGURATIONS
-        return f"{pair[0]} and {pair[1]} touch in {share:.0f} % of them, at best {gap}"
+        return (
+            f"{pair[0]} and {pair[1]} touch in {share:.0f} % of the random poses; in the best of "
+            f"these they are {gap}"
+        )
 
 
 def _moving_links(model: RobotModel, tree: urdf_parser.UrdfTree) -> tuple[str, ...]:

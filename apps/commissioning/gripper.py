@@ -80,7 +80,7 @@ class FingerMotion:
             self.refuse(
                 f"the finger joint {name!r} without limits",
                 "how far it moves",
-                '<limit lower="0" upper="0.04" effort="20" velocity="0.2"/> inside of that <joint>',
+                'write <limit lower="0" upper="0.04" effort="20" velocity="0.2"/> inside of that <joint>',
             )
         if joint.type == "prismatic" and joint.upper - joint.lower > MAX_SLIDE:
             self.refuse(
@@ -234,7 +234,7 @@ class FingerMotion:
     def refuse(self, found: str, missing: str, helps: str = "") -> NoReturn:
         """Raise UnsuitableUrdf; without `helps` it proposes another gripper."""
         link = self._hand.palm
-        helps = helps or f"another gripper: --gripper URDF:LINK --mount {link}"
+        helps = helps or f"mount another gripper: --gripper URDF:LINK --mount {link}"
         raise UnsuitableUrdf(self._source, found, missing, helps)
 
 
@@ -437,10 +437,12 @@ class GripperMeter:
             at = np.array(self._motion.pose(link, {}).position) @ axes
             aligned = abs(at[0] - x) < 0.005 and abs(at[1] - y) < 0.005 and link != self._hand.palm
             if aligned and low <= at[2] <= furthest - spread - MIN_TCP_TIP_DISTANCE:
-                z, comment = float(at[2]), f"Where the URDF has its frame {link!r}, between the pads"
+                z, comment = float(at[2]), f"At the URDF's frame {link!r}, which lies between the pads"
                 break
             if aligned and low <= at[2] and not beyond:
-                beyond = f"; the URDF has {link!r} {1000 * (at[2] - z):.0f} mm further out, at the tips"
+                beyond = (
+                    f"; the URDF's frame {link!r} lies {1000 * (at[2] - z):.0f} mm further out, at the tips"
+                )
         else:
             comment += beyond
         position = axes @ np.array([x, y, z])
@@ -538,10 +540,10 @@ class GripperMeter:
         if self._skeleton.joints[self.drive].type == "prismatic":
             force = effort
         if force < MIN_GRIP_FORCE:
-            comment = f"The URDF's effort would be {force:g} N: a guess, see the data sheet"
+            comment = f"The URDF's effort means only {force:g} N; this force is a guess: see the data sheet"
             return DEFAULT_GRIP_FORCE, comment, True
         if force > MAX_GRIP_FORCE:
-            comment = f"The URDF's effort would be {force:.0f} N: not believed, see the data sheet"
+            comment = f"The URDF's effort means {force:.0f} N, which is implausible: see the data sheet"
             return MAX_GRIP_FORCE, comment, True
         return force, "From the URDF's effort", False
 

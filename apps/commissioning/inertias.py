@@ -88,7 +88,10 @@ def _finding(
         put = np.maximum(moments, MIN_MOMENT)
         if low <= 0.0 and put[1] <= MIN_MOMENT and solid is not None:
             return InertiaFinding(
-                name, "impossible", f"{why}: it gets that of its hull, a guess", _scaled(solid, mass)
+                name,
+                "impossible",
+                f"{why}: the robot file gives it the inertia of its hull, a guess",
+                _scaled(solid, mass),
             )
         put[0] = max(put[0], 1e-3 * float(put[2]))
         put[1] = max(put[1], put[0])
@@ -97,7 +100,9 @@ def _finding(
         if put[2] > put[0] + put[1]:
             put[0] = put[2] - MAX_MOMENT_SHARE * put[1]
         whole = axes @ np.diag(put) @ axes.T
-        return InertiaFinding(name, "impossible", f"{why}: it is taken back", _inertia(mass, com, whole))
+        return InertiaFinding(
+            name, "impossible", f"{why}: the robot file reduces it", _inertia(mass, com, whole)
+        )
     if solid is None:
         return None
     volume = solid.volume()

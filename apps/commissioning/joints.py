@@ -203,7 +203,7 @@ def _arm_to(
         raise UnsuitableUrdf(
             source,
             f"{len(long)} arms with a gripper: {listed}",
-            "which of them is meant",
+            "the choice of one arm",
             "choose by " + " or ".join(f"--tip {h.palm}" for h, _ in long),
         )
     hand, joints = long[0] if long else max(fitting, key=lambda pair: len(pair[1]))
@@ -249,7 +249,7 @@ def _only_chain(source: str, skeleton: urdf_parser.UrdfTree, base: str | None) -
             "one arm with a gripper",
             "--base LINK --tip LINK choose one of them, --gripper URDF:LINK --mount LINK gives it a gripper"
             if len(longest) >= MIN_ARM_JOINTS
-            else "another URDF: an arm for grasping has six or seven joints",
+            else "take another URDF: an arm for grasping has six or seven joints",
         )
     return _arm_group(source, skeleton, longest, base, skeleton.joints[longest[-1]].child)
 
@@ -277,7 +277,8 @@ def _refuse_mimics(source: str, skeleton: urdf_parser.UrdfTree, arm: ArmGroup) -
             f"an arm of {len(arm.joints)} joints that move on their own, and in it "
             f"{_listed(tuple(sentences))}",
             "an arm without <mimic>: each of its joints has a motor of its own",
-            f"remove <mimic> from {mimics[0][0]} if a motor turns it; a parallelogram cannot be planned for",
+            f"remove <mimic> from {mimics[0][0]} if a motor turns it; picktree cannot plan for a "
+            "parallelogram",
         )
 
 
@@ -290,7 +291,7 @@ def _refuse_unfit(source: str, skeleton: urdf_parser.UrdfTree, arm: ArmGroup, *,
             source,
             f"an arm of {len(turning)} hinges behind the sliding joint {_listed(tuple(sliding))}",
             "an arm whose joints all turn",
-            f"--base {behind} leaves what is before it where it is",
+            f"--base {behind} keeps the joints before {behind} fixed",
         )
     if len(turning) < MIN_ARM_JOINTS:
         slid = f" and {len(sliding)} that slide" if sliding else ""
@@ -299,13 +300,14 @@ def _refuse_unfit(source: str, skeleton: urdf_parser.UrdfTree, arm: ArmGroup, *,
             f"a chain of {_joints(len(turning))} that turn{slid}: {_listed(arm.joints)}",
             f"an arm that puts its tool anywhere, upright and turned: {MIN_ARM_JOINTS} joints at least, "
             "better 6",
-            "another URDF; a SCARA or a pendulum cannot be planned for",
+            "take another URDF; picktree cannot plan for a SCARA or a pendulum",
         )
     last = skeleton.joints[arm.joints[-1]]
     if not jaw_allowed and _JAW.search(f"{arm.joints[-1]} {last.child}"):
         raise UnsuitableUrdf(
             source,
-            f"an arm of {len(arm.joints) - 1} joints, and {arm.joints[-1]!r} with a jaw against a fixed one",
+            f"an arm of {len(arm.joints) - 1} joints; joint {arm.joints[-1]!r} moves one jaw "
+            "against a fixed jaw",
             "a gripper with two fingers that both move",
             f"--tip {last.parent} --gripper URDF:LINK --mount {last.parent} gives the arm another gripper",
         )
@@ -315,7 +317,7 @@ def _refuse_unfit(source: str, skeleton: urdf_parser.UrdfTree, arm: ArmGroup, *,
             source,
             f"{len(endless)} joints that all turn without end: {_listed(arm.joints)}",
             "joints with limits: this looks like wheels or a toy",
-            'for the joints of an arm, type="revolute" with <limit lower=… upper=… effort=… velocity=…/>',
+            'give the arm\'s joints type="revolute" and <limit lower=… upper=… effort=… velocity=…/>',
         )
     bounded = {name: joint for name in arm.joints if (joint := skeleton.joints[name]).type != "continuous"}
     unlimited = [
@@ -328,7 +330,7 @@ def _refuse_unfit(source: str, skeleton: urdf_parser.UrdfTree, arm: ArmGroup, *,
             source,
             f"an arm of {len(arm.joints)} joints",
             f"limits of {_listed(tuple(unlimited))}",
-            '<limit lower="-3" upper="3" effort="50" velocity="2"/> inside of each such <joint>',
+            'write <limit lower="-3" upper="3" effort="50" velocity="2"/> inside of each such <joint>',
         )
 
 
@@ -397,19 +399,19 @@ def _proposed(name: str, joint: urdf_parser.UrdfJoint) -> ProposedLimits:
     else:
         reserve = min(LIMIT_RESERVE, RESERVE_SHARE * (joint.upper - joint.lower))
         lower, upper = joint.lower + reserve, joint.upper - reserve
-        comments.append(f"the URDF's limits less {math.degrees(reserve):.1f} deg")
+        comments.append(f"the URDF's limits, each moved inwards by {math.degrees(reserve):.1f} deg")
     if lower < -CONTINUOUS_RANGE or upper > CONTINUOUS_RANGE:
         lower, upper = max(lower, -CONTINUOUS_RANGE), min(upper, CONTINUOUS_RANGE)
         comments.append("at most one turn to either side")
     velocity = joint.velocity or 0.0
     if velocity <= 0.0:
         velocity = DEFAULT_VELOCITY
-        comments.append("no velocity in the URDF: slow")
+        comments.append("the URDF gives no velocity: a low one is assumed")
     elif velocity < MIN_VELOCITY:
-        comments.append(f"the URDF's {velocity:g} rad/s are not believed: slow")
+        comments.append(f"the URDF's {velocity:g} rad/s are implausible: a low velocity is assumed")
         velocity = DEFAULT_VELOCITY
     elif velocity > MAX_VELOCITY:
-        comments.append(f"the URDF's {velocity:g} rad/s are not believed")
+        comments.append(f"the URDF's {velocity:g} rad/s are implausible")
         velocity = MAX_VELOCITY
     torque = joint.effort or 0.0
     return ProposedLimits(
@@ -497,8 +499,8 @@ def estimate(
         if is_placeholder(torque, weight, guess):
             torque = float(f"{guess:.2g}")
             why = (
-                f"{torque:g} Nm are a guess from gravity and inertia, for the URDF's effort of "
-                f"{limit.torque:g} Nm: see the data sheet"
+                f"{torque:g} Nm are a guess from gravity and inertia, because the URDF's effort of "
+                f"{limit.torque:g} Nm is implausible: see the data sheet"
             )
             comment += f"; torque: {why}"
         elif torque <= weight:

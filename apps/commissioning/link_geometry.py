@@ -53,7 +53,7 @@ def find_source(text: str) -> UrdfSource:
             text,
             "a file that cannot be used as a URDF: " + f"\n{' ' * 11}".join(error.faults),
             "an XML file <robot> with <link> and <joint> elements that form one tree",
-            "mend it in a copy; `check_urdf FILE` of liburdfdom-tools tells more about a URDF",
+            "mend a copy of the file; `check_urdf FILE` of liburdfdom-tools describes the faults of a URDF",
         ) from None
 
 
@@ -157,7 +157,7 @@ def refuse_missing_meshes(source: str, urdf: Path) -> None:
     packages = sorted(
         {m.removeprefix("package://").split("/")[0] for m in missing if m.startswith("package://")}
     )
-    helps = f"put the meshes where the URDF names them; plain paths count from {urdf.parent}"
+    helps = f"put the meshes where the URDF names them; plain paths are relative to {urdf.parent}"
     if packages:
         listed = " and ".join(packages)
         helps = (

@@ -79,13 +79,13 @@ def _masses(tested: RobotUnderTest) -> Verdict:
         measured = "; ".join(f"{f.link} {f.sentence.partition(':')[0]}" for f in wrong)
         names = ", ".join(f.link for f in wrong)
         change = (
-            f"give {names} a right <inertial> in the URDF, or an entry under 'inertias:' in {tested.file}"
+            f"give {names} a correct <inertial> in the URDF, or an entry under 'inertias:' in {tested.file}"
         )
         return Verdict("masses", False, measured, change)
     total = sum(inertia.mass for inertia in tested.model.full.inertias)
-    measured = f"{total:.1f} kg move, of which the hand {tested.model.hand_mass:.2f} kg"
+    measured = f"{total:.1f} kg move; the hand is {tested.model.hand_mass:.2f} kg of that"
     if findings:
-        measured += f"; great for their size: inertias of {', '.join(f.link for f in findings)}"
+        measured += f"; large for the size of the link: the inertias of {', '.join(f.link for f in findings)}"
     return Verdict("masses", True, measured)
 
 
@@ -96,7 +96,9 @@ def _limits(tested: RobotUnderTest) -> Verdict:
         return Verdict("limits", False, "; ".join(faults), change)
     share = (_gravity(tested.model) / tested.model.torque_limit).max()
     return Verdict(
-        "limits", True, f"within the URDF's; gravity takes {100 * share:.0f} % of a torque at most"
+        "limits",
+        True,
+        f"within the URDF's limits; gravity takes at most {100 * share:.0f} % of a joint's torque",
     )
 
 
@@ -156,7 +158,7 @@ def _home(tested: RobotUnderTest) -> Verdict:
     nearest = checker.nearest(home, 0.3, itself=True)
     gap = "further than 300 mm" if nearest is None else f"{1000 * nearest.distance:.0f} mm"
     gap += " apart" if nearest is None else " apart or more"
-    return Verdict("home", True, f"links that are checked are {gap}")
+    return Verdict("home", True, f"the checked links are {gap}")
 
 
 def _depth(distance: float) -> str:
@@ -212,7 +214,7 @@ def _fingers(tested: RobotUnderTest) -> Verdict:
             "`picktree robot new` again"
         )
         return Verdict("fingers", False, measured, change)
-    return Verdict("fingers", True, f"the pads' gap is the opening within {1000 * worst:.2f} mm")
+    return Verdict("fingers", True, f"the pads' gap equals the opening within {1000 * worst:.2f} mm")
 
 
 def _overlap(tested: RobotUnderTest) -> float:
@@ -236,14 +238,17 @@ def _tool_frame(tested: RobotUnderTest) -> Verdict:
     if np.abs(middle[:2]).max() > MAX_PAD_OFFSET or not low[2] <= 0.0 <= high[2]:
         x, y, z = (round(float(c), 4) for c in middle)
         at = (robot.tcp_in_link @ Pose((x, y, z))).position
-        measured = f"the middle between the pads is at {_millimetres((x, y, z))} mm of the TCP, not at it"
+        measured = (
+            f"the middle between the pads is at {_millimetres((x, y, z))} mm from the TCP, not at the TCP"
+        )
         change = (
             f"set 'at:' to {_millimetres(at)} mm under 'tcp:' in {tested.file}, or mend the frame in the URDF"
         )
         return Verdict("tool frame", False, measured, change)
     if palm.position[2] > 0.0:
         measured = (
-            f"z of the TCP points back at the flange, which is {1000 * palm.position[2]:.0f} mm ahead of it"
+            f"z of the TCP points back at the flange, which is {1000 * palm.position[2]:.0f} mm "
+            "ahead of the TCP"
         )
         change = f"turn 'rpy:' under 'tcp:' in {tested.file}: z points out of the hand, y along the closing"
         return Verdict("tool frame", False, measured, change)
@@ -254,7 +259,9 @@ def _tool_frame(tested: RobotUnderTest) -> Verdict:
         )
         change = f"turn 'rpy:' under 'mount:' in {tested.file} by 180 deg, or the flange's frame in the URDF"
         return Verdict("tool frame", False, measured, change)
-    return Verdict("tool frame", True, f"between the pads, within {1000 * np.abs(middle[:2]).max():.1f} mm")
+    return Verdict(
+        "tool frame", True, f"the TCP is between the pads, within {1000 * np.abs(middle[:2]).max():.1f} mm"
+    )
 
 
 def _millimetres(numbers: Vector3) -> str:

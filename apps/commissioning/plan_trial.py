@@ -135,7 +135,8 @@ class PlanAnswer:
     def to_text(self) -> str:
         lines = [
             f"{self.asked}, from {self.begins}",
-            f"scene {self.scene}, robot {self.robot}, seed {self.seed}; everything is believed where it is",
+            f"scene {self.scene}, robot {self.robot}, seed {self.seed}; the belief has everything "
+            "at its true place",
             "",
             *self.lines(),
         ]

@@ -91,7 +91,7 @@ _REASON_TEXTS = {
     "default": "Default: two joints between them, and they touch with all joints in mid-range.",
     "always": f"Always in collision: in more than {100 * ALWAYS_COLLIDING_SHARE:.0f} % of the samples.",
     "never": "Never in collision in any sample.",
-    "hulls": "Only their hulls collide, which are without the links' hollows; their meshes never do.",
+    "hulls": "Only the links' convex hulls collide; their meshes never do.",
 }
 
 
@@ -104,7 +104,7 @@ def _lines(draft: RobotDraft) -> Iterator[str]:
     yield "picktree: 1"
     yield "kind: robot"
     yield ""
-    yield '# Proposed by `picktree robot new`: look through it, above all at what says "see the data sheet".'
+    yield '# Proposed by `picktree robot new`: check it, above all the lines with "see the data sheet".'
     yield f"# The arm: {len(arm.joints)} joints, {arm.joints[0]} to {arm.joints[-1]}. The hand: {hand.palm}."
     for note in draft.notes:
         yield f"# Note: {note}."
@@ -123,12 +123,13 @@ def _lines(draft: RobotDraft) -> Iterator[str]:
     yield ""
     yield "# Position of the foot in the world; scenes have the table at z = 0."
     if draft.base is not None:
-        yield f"# It is a proposal: {draft.base.sentence}."
+        yield f"# This position is a proposal: {draft.base.sentence}."
     yield f"base: {{at: {_list((0.0, 0.0, 0.0) if draft.base is None else draft.base.at)}}}"
     yield ""
-    yield "# Accelerations are estimated: at most what the torque left by gravity, times"
+    yield "# Accelerations are estimated: gravity is subtracted from the torque, and at most"
     yield (
-        f"# {ACCELERATION_TORQUE_SHARE:g}, gives the largest inertia that the joint sees. See the data sheet."
+        f"# {ACCELERATION_TORQUE_SHARE:g} of the rest accelerates the joint's largest inertia. See "
+        "the data sheet."
     )
     yield "joints:"
     common = {limit.comment for limit in draft.limits}
@@ -161,13 +162,13 @@ def _inertias(draft: RobotDraft) -> Iterator[str]:
     if not draft.inertias:
         return
     yield ""
-    yield "# Instead of what the URDF says of these links:"
+    yield "# These inertias replace those of the URDF:"
     yield "inertias:"
     for link, inertia in draft.inertias.items():
         if link in findings and findings[link].instead is not None:
             yield f"  # {link}: {findings[link].sentence}."
         else:
-            yield f"  # {link}: heavier to turn, by what the motor's rotor adds through its gear."
+            yield f"  # {link}: the inertia includes the motor's rotor, as the gear multiplies it."
         yield from _inertia(link, inertia)
 
 
@@ -187,7 +188,9 @@ def _gripper(draft: RobotDraft) -> Iterator[str]:
     yield f"tcp: {{link: {_word(draft.hand.palm)}, {_frame(g.tcp_in_palm)}}}"
     yield f"flange_joint: {_word(draft.flange_joint)}   # where the wrist sensor sits"
     if draft.flange_behind is not None:
-        yield f"flange_behind: {_word(draft.flange_behind)}   # the URDF has no such joint: it is put in here"
+        yield (
+            f"flange_behind: {_word(draft.flange_behind)}   # the URDF has no such joint: it is inserted here"
+        )
     yield ""
     yield "gripper:"
     if g.sliders is not None:
@@ -235,8 +238,8 @@ def _pairs(found: SelfCollisionReport | None) -> Iterator[str]:
     yield ""
     yield f"# Self-collision, from {found.samples:,} configurations drawn evenly within the limits. Links"
     yield (
-        f"# nearer than {1000 * COLLISION_DISTANCE:g} mm count as colliding; behind a pair, in how "
-        "many samples."
+        f"# nearer than {1000 * COLLISION_DISTANCE:g} mm count as colliding. The number behind a pair "
+        "counts the samples in which it collides."
     )
     yield "disabled_pairs:"
     if not found.disabled:
@@ -433,7 +436,8 @@ def propose(wish: ProposalRequest) -> Proposal:
             wish.urdf,
             f"an arm of {model.n} joints and a gripper; {space.obstacle(wish.seed)}",
             "a free pose: above the table at z = 0, in front of the first joint, no links in each other",
-            "look at <collision> of both and at the joints between them, or at the height of the base",
+            "look at <collision> of the two links and at the joints between them, or at the height "
+            "of the base",
         )
     draft = replace(draft, poses=poses)
     text = robot_file_text(draft)
@@ -477,7 +481,7 @@ def _find_draft(wish: ProposalRequest) -> RobotDraft:
             wish.urdf,
             f"a gripper at the end of the arm already, on {groups.hand.palm!r}",
             "a place for another one",
-            "leave --gripper out, or say by --mount LINK where the other one goes",
+            "leave --gripper out, or give the link for the second gripper by --mount LINK",
         )
     text, link = _gripper_named(wish.gripper)
     gripper = find_source(text)
@@ -622,5 +626,5 @@ def _parsed(text: str, wish: ProposalRequest) -> RobotDescription:
             wish.urdf,
             f"an arm and a gripper, but the robot file made of them is refused: {messages}",
             "a URDF that the checker takes",
-            "mend what it says in a copy of the URDF",
+            "mend these faults in a copy of the URDF",
         ) from None

@@ -126,10 +126,14 @@ def opening_advice(gripper: GripperDescription, item: BeliefObject, file: str) -
     wider = replace(gripper, max_width=1.0)
     width = min((grasp.expected_width for grasp in grasp_candidates(item, wider)), default=0.0)
     measured = (
-        f"it opens {1000 * gripper.max_width:.0f} mm; the {item.kind} is {1000 * width:.0f} mm wide, and "
+        f"the gripper opens {1000 * gripper.max_width:.0f} mm; the {item.kind} is "
+        f"{1000 * width:.0f} mm wide, and "
         f"needs {1000 * (width + MIN_SPARE_OPENING):.0f} mm"
     )
-    change = f"look at 'max_width' in {file}; else mount another gripper, or lay out a scene"
+    change = (
+        f"look at 'max_width' in {file}; if it is right, mount another gripper, or write a scene "
+        "with smaller items"
+    )
     return measured, change
 
 
@@ -147,14 +151,15 @@ def reach_advice(
         span = _span(model, away / max(distance, 1e-9), float(place.position[2]))
         if span is None:
             measured = (
-                f"with the tool down it reaches nothing {1000 * place.position[2]:.0f} mm above the table"
+                f"with the tool down the arm reaches nothing {1000 * place.position[2]:.0f} mm "
+                "above the table"
             )
             return measured, _other_base(tested, file)
         near, far = span
         if not near - DISTANCE_STEP <= distance <= far + DISTANCE_STEP:
             measured = (
-                f"its reach is {far:.2f} m with the tool down, from {near:.2f} m on; {place.name} is "
-                f"{distance:.2f} m from its first joint"
+                f"with the tool down the arm reaches from {near:.2f} to {far:.2f} m from its first joint; "
+                f"{place.name} is at {distance:.2f} m"
             )
             return measured, _other_base(tested, file)
     return None
@@ -164,7 +169,7 @@ def _other_base(tested: RobotUnderTest, file: str) -> str:
     """Return the advice for an arm that is too short, or mounted too high or too low."""
     better = propose_base(tested.model, tested.skeleton, tested.solids)
     if better is None:
-        return f"lay out a scene for that reach: no other 'base:' in {file} brings more of this one within it"
+        return f"write a scene for that reach: no other 'base:' in {file} reaches more places of this scene"
     x, y, z = better.at
     return f"write 'at: [{x:g}, {y:g}, {z:g}]' under 'base:' in {file}: {better.sentence}"
 
@@ -193,7 +198,7 @@ def advice(cause: str, message: str, file: str, links: tuple[str, ...], bodies: 
         if told_bodies and cause.startswith(("grasp", "place")):
             return (
                 f"look at the collision geometry of {told_links[0]} in the URDF, and at 'tip', 'palm' and "
-                f"'hand' under 'gripper:' in {file}: it meets {told_bodies[0]}"
+                f"'hand' under 'gripper:' in {file}: it touches {told_bodies[0]}"
             )
         if told_bodies:
             return (
@@ -451,7 +456,7 @@ class Trials:
         cell.run(Observe())
         found = next((o for o in cell.world.scene.objects if o.kind == kind), None)
         if found is None:
-            change = f"see 'camera's view'; else look at 'base:' in {self._tested.file}"
+            change = f"see 'camera's view'; if that test passes, look at 'base:' in {self._tested.file}"
             return Verdict(name, False, f"no {kind} is seen", change), ""
         tested = self._tested
         if (narrow := opening_advice(tested.description.gripper, found, tested.file)) is not None:

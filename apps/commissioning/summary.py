@@ -75,7 +75,7 @@ class RobotSummary:
             counts = ", ".join(f"{count} {reason}" for reason, count in self.unchecked if count)
             lines.append(
                 f"collision   {self.checked_pairs} pairs of links checked, {self.unchecked_pairs} not "
-                f"({counts}), by {self.samples:,} samples"
+                f"checked ({counts}); from {self.samples:,} samples"
             )
         else:
             lines.append(f"collision   {self.unchecked_pairs} pairs of links are not checked")

@@ -52,7 +52,7 @@ def parse_goal(world: World, text: str, request: Request, *, line: bool) -> Pars
     if text in world.robot.description.named:
         if line:
             target = LineGoal(world.robot.tcp(world.robot.named(text)))
-            return _single(f"to where the tool is in {text}", replace(request, target=target))
+            return _single(f"to the tool's pose at {text}", replace(request, target=target))
         return _single(f"to {text}", replace(request, target=NamedGoal(text)))
     if text in world.scene.bins:
         above = _over(world.scene.bins[text])
@@ -61,7 +61,9 @@ def parse_goal(world: World, text: str, request: Request, *, line: bool) -> Pars
     belief = world.scene.find(text)
     if belief is not None:
         if line:
-            raise PicktreeError(f"--line to {text}: an object is come to over its grasp, and down by a line")
+            raise PicktreeError(
+                f"--line to {text}: leave out --line for an object; its approach ends with a line down anyway"
+            )
         return _grasp(world, belief, request)
     raise PicktreeError(_unknown(world, text))
 
@@ -73,7 +75,8 @@ def parse_start(world: World, text: str) -> Array:
         if text in named:
             return world.robot.named(text)
         raise PicktreeError(
-            f"--from {text}: no pose of the robot; known: {', '.join(named)}; or a number for each of its "
+            f"--from {text}: not a pose of the robot; known: {', '.join(named)}; or give a number "
+            "for each of its "
             f"{len(names)} joints, as 10deg,-45deg,…"
         )
     words = text.split(",")

@@ -78,7 +78,7 @@ class BatchFolder:
         """Take a folder. Raises PicktreeError when it holds no batch."""
         self.place = place
         if not (place / PLAN_FILE).is_file():
-            raise PicktreeError(f"{place.name} is no batch: there is no {PLAN_FILE} in it")
+            raise PicktreeError(f"{place.name} is not a batch: there is no {PLAN_FILE} in this folder")
 
     def plan(self) -> Mapping[str, Any]:
         """Return the recorded plan. Raises PicktreeError when it cannot be read."""
@@ -87,7 +87,7 @@ class BatchFolder:
         except (OSError, orjson.JSONDecodeError) as error:
             raise PicktreeError(f"{self.place.name}/{PLAN_FILE} cannot be read: {error}") from None
         if not isinstance(plan, dict):
-            raise PicktreeError(f"{self.place.name}/{PLAN_FILE} is no plan of a batch")
+            raise PicktreeError(f"{self.place.name}/{PLAN_FILE} is not a valid plan of a batch")
         return cast("Mapping[str, Any]", plan)
 
     def stamp(self) -> tuple[object, ...]:
@@ -161,7 +161,7 @@ class BatchFolder:
             try:
                 values["x"], values["y"] = map(float, value.split())
             except ValueError:
-                raise PicktreeError(f"{value!r} is no place of the table: two numbers, m") from None
+                raise PicktreeError(f"{value!r} is not a place on the table: write x and y, m") from None
         recipe = " AND variant = :label" if label else ""
         rows = self._rows(
             f"SELECT {_JOB} FROM jobs WHERE status <> 'waiting' AND {_CONDITIONS[what]}{recipe} "
@@ -245,7 +245,7 @@ def _lines_of(root: YamlNode, key: str, lines: list[str]) -> tuple[int, int]:
     marks = sorted(mark.line for mark in root.keys.values())
     first = root.keys[key].line - 1
     if marks.count(first + 1) > 1 or root.keys[key].column != 1:
-        raise PicktreeError("write one key a line, then the form can change it")
+        raise PicktreeError("write each key on its own line, then the form can change it")
     last = next((line - 1 for line in marks if line > first + 1), len(lines))
     while last > first + 1 and (not lines[last - 1].strip() or lines[last - 1].startswith("#")):
         last -= 1
@@ -418,7 +418,7 @@ class BatchSlice(Slice):
         """Run a job again whose log was not kept, and compare; return the number of the studio's job."""
         batch = self._batch(id)
         if not re.fullmatch(r"[0-9a-f]{16}", job):
-            raise PicktreeError(f"{job!r} is no id of a job")
+            raise PicktreeError(f"{job!r} is not the id of a job")
         return self._jobs.start(f"Run again: {job}", ["resim", f"{batch.place}@{job}"]).number
 
     @call("batches.compare")

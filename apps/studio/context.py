@@ -203,7 +203,7 @@ class MissionTexts:
         """Read a text. Raises PicktreeError when nothing of it can be read."""
         reading = read_text(text, str(path))
         if reading is None:
-            raise PicktreeError("the text cannot be read: mend its faults of form first")
+            raise PicktreeError("the text cannot be read: mend its syntax first")
         return self.context(path, reading), reading
 
     def file(self, path: Path, text: str) -> OpenFile:

@@ -97,7 +97,7 @@ def run_command(workspace: Workspace, order: RunOrder, runs: Path) -> list[str]:
         words.append("--watch")
     for name, value in order.parameters.items():
         if "=" in name or name.startswith("-"):
-            raise PicktreeError(f"{name!r} is no name of a parameter")
+            raise PicktreeError(f"{name!r} is not the name of a parameter")
         words += ["--set", f"{name}={value}"]
     return words
 

@@ -352,7 +352,7 @@ class RunSlice(Slice):
         log = log_files.find_log(self._workspace.resolve(id))
         place = self._workspace.resolve(self._workspace.relative(log))
         if not place.is_file():  # a pipe would be waited for
-            raise PicktreeError(f"{id} is no file of a log")
+            raise PicktreeError(f"{id} is not a file of a log")
         return place
 
     @call("runs.open")

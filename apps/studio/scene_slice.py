@@ -85,7 +85,7 @@ def camera_view(name: str, beside: Path, seed: int, camera: str, text: str | Non
     from picktree.session import CellSession
 
     if text is not None:
-        raise PicktreeError("the scene is not saved: save it, and the camera sees it")
+        raise PicktreeError("the scene is not saved: the camera shows only a saved scene")
     scene = _scene(name, beside, None)
     with CellSession(scene.source, backend="physics", seed=seed) as cell:
         image = cell.capture(camera)
@@ -182,7 +182,9 @@ def _moved(text: str, fixture: str, x: float, y: float) -> JsonValue:
     entry = fixtures.child(fixture) if fixtures is not None else None
     at = entry.child("at") if entry is not None else None
     if at is None or at.kind != "list" or len(at.items) < 2:
-        raise NotEditable(f"the file has no place 'at: [x, y, z]' for {fixture!r}: its base file has it")
+        raise NotEditable(
+            f"the file has no place 'at: [x, y, z]' for {fixture!r}: change the place in its base file"
+        )
     new = text
     for index, value in ((1, y), (0, x)):
         new = replace_value(new, ("fixtures", fixture, "at", index), scalar(f"{round(value, 4):g}"))

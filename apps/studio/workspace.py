@@ -161,7 +161,7 @@ class Workspace:
         """
         outside = PicktreeError(f"{path!r} is not below the folder of the studio; write a path below it")
         if not path or "\0" in path or len(path) > 1000:
-            raise PicktreeError(f"{path[:80]!r} is no path of a file")
+            raise PicktreeError(f"{path[:80]!r} is not the path of a file")
         if path.startswith(("/", "~")) or ".." in Path(path).parts:
             raise outside
         try:
@@ -187,7 +187,7 @@ class Workspace:
             data = place.read_bytes()
             return TextFile(path, data.decode("utf-8"), _version(data))
         except UnicodeDecodeError:
-            raise PicktreeError(f"{path} is no text in UTF-8") from None
+            raise PicktreeError(f"{path} is not a UTF-8 text") from None
         except OSError as error:
             raise PicktreeError(f"{path} cannot be read: {(error.strerror or str(error)).lower()}") from None
 

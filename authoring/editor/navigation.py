@@ -103,7 +103,9 @@ def rename(cursor: Cursor, walk: SchemaWalk, name: str, text: str) -> list[Edit]
     if found is None:
         raise PicktreeError("there is no key of the blackboard here")
     if not IDENTIFIER.fullmatch(name):
-        raise PicktreeError(f"{name!r} is no key: a letter or '_', then letters, digits and '_'")
+        raise PicktreeError(
+            f"{name!r} is not a valid key: write a letter or '_', then letters, digits and '_'"
+        )
     tree, _ = key_home(found)
     if list(key_places_of(cursor, walk, tree, name)):
         raise PicktreeError(f"the tree {tree!r} has a key {name!r} already")

@@ -183,7 +183,9 @@ class NodeEditor:
 
     def rename_tree(self, name: str, new: str) -> EditedText:
         if not IDENTIFIER.fullmatch(new):
-            raise NotEditable(f"{new!r} is no name of a tree: a letter or '_', then letters, digits and '_'")
+            raise NotEditable(
+                f"{new!r} is not a valid name of a tree: write a letter or '_', then letters, digits and '_'"
+            )
         if any(tree.name == new for tree in self.outline.trees) or self.known(new) is not None:
             raise NotEditable(f"the name {new!r} is taken")
         text = rename_key(self.text, ("trees", name), new)

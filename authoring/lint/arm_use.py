@@ -38,7 +38,9 @@ def left_in_hand(survey: LintModel) -> Iterator[Diagnostic]:
             hidden = _passed_over(survey, filler, bit) if success else main
             when = "it succeeds" if hidden is None else _fails(survey, hidden, bit, names)
             when += " and the mission continues" if hidden not in (None, main) else ""
-            message = f"the mission may end with what {filler.name} took still in the hand, when {when}"
+            message = (
+                f"the hand may still hold the object of {filler.name} at the end of the mission, when {when}"
+            )
             hint = _release(survey, at, bit) if hidden is not None else _AFTER_SUCCESS
             yield survey.fault(at, message, hint, code="P330")
 
@@ -65,8 +67,10 @@ def nothing_held(survey: LintModel) -> Iterator[Diagnostic]:
             continue
         entries = survey.entries(spec)
         if entries and all(state.hand == HAND_EMPTY for state in entries):
-            message = f"the hand holds nothing here: no way to this {spec.name} takes anything before it"
-            yield survey.fault(spec, message, "a Grasp before it", code="P333")
+            message = (
+                f"the hand holds nothing here: no node that runs before this {spec.name} takes an object"
+            )
+            yield survey.fault(spec, message, f"put a Grasp before {spec.name}", code="P333")
 
 
 def _passed_over(survey: LintModel, filler: NodeSpec, bit: int) -> Outcomes | None:
@@ -128,7 +132,9 @@ def at_the_same_time(survey: LintModel) -> Iterator[Diagnostic]:
                 continue
             reported.add(id(second))
             message = f"{others[shared].name} and {mine[shared].name} use the {shared} at the same time"
-            yield survey.fault(second, message, "one after the other, in a Sequence", code="P331", error=True)
+            yield survey.fault(
+                second, message, "run one after the other, in a Sequence", code="P331", error=True
+            )
 
 
 def started_anew(survey: LintModel) -> Iterator[Diagnostic]:
@@ -146,7 +152,7 @@ def started_anew(survey: LintModel) -> Iterator[Diagnostic]:
                 user = later[resource].name
                 message = f"{first.name} is started anew at each tick and takes the {resource} from {user}"
                 plain = spec.id.removeprefix("Reactive").removeprefix("Pipeline")
-                hint = f"a condition before it, or {plain} in place of {spec.id}"
+                hint = f"put a condition before it, or use {plain} instead of {spec.id}"
                 yield survey.fault(part, message, hint, code="P332")
 
 
@@ -158,8 +164,10 @@ def cleaning_arm(survey: LintModel) -> Iterator[Diagnostic]:
         found = users(survey, spec.children[-1])
         if found:
             resource, user = next(iter(found.items()))
-            message = f"a halt ticks {user.name} once, when others have the {resource} that it uses"
-            hint = "move in what comes after the TryCatch, as in a Recover around it"
+            message = (
+                f"a halt ticks {user.name} once, while another node has the {resource} that {user.name} uses"
+            )
+            hint = "let a node after the TryCatch move, for example a handler of a Recover around it"
             yield survey.fault(spec.children[-1], message, hint, code="P334", error=True)
 
 

@@ -224,7 +224,7 @@ class ChildWalk:
             case control_flow.Recovery() if index not in self._handlers:
                 return f"{before} never fails for good"
             case control_flow.Recovery() if self._most == 1:
-                return f"{before} may run once only, so there is no run after it"
+                return f"{before} may run only once, so no second run follows"
             case control_flow.Recovery():
                 return f"{before} never fails" + (" with another cause" if index > 1 else "")
             case _:
@@ -480,7 +480,7 @@ class ParallelWalk:
         sure, over = self._entry, False
         for index, child in enumerate(self._spec.children):
             if over:
-                self._walk.unreached(child, f"{self._spec.name} ends before it in the first tick")
+                self._walk.unreached(child, f"{self._spec.name} already ends in the first tick")
                 parts.append(_Part(sure, Outcomes()))
                 continue
             start = sure

@@ -24,9 +24,10 @@ def short_timeouts(survey: LintModel) -> Iterator[Diagnostic]:
             and bound.text < MIN_BARE_TIMEOUT
         ):
             message = (
-                f"{bound.text:g} counts milliseconds, and a tick takes 50: hardly anything ends within it"
+                f"{bound.text:g} is in milliseconds, and one tick takes 50 ms: almost nothing can "
+                "end in this time"
             )
-            hint = f"write {bound.text:g} s, or {bound.text:g} ms where that is meant"
+            hint = f"write {bound.text:g} s, or {bound.text:g} ms if milliseconds are meant"
             yield survey.fault(spec, message, hint, code="P345", at="msec")
 
 

@@ -141,13 +141,16 @@ def endless(survey: LintModel) -> Iterator[Diagnostic]:
         if spec.node is not None and issubclass(spec.node, Repeat):
             yield from _repeat(survey, spec, context)
         elif survey.walk.number(spec, "num_attempts") == -1:
-            message = f"it never ends: num_attempts is -1, and {name} never succeeds"
+            message = f"the loop never ends: num_attempts is -1, and {name} never succeeds"
             if child.success or child.skipped:
-                message = "num_attempts is -1: it ends only when its child succeeds"
-            hint = "a number of attempts, or a Timeout"
+                message = "num_attempts is -1: the loop ends only when its child succeeds"
+            hint = "give a number of attempts, or add a Timeout"
             yield survey.fault(spec, message, hint, code="P321", at="num_attempts")
         elif spec.id == KeepRunningUntilFailure.__name__ and not child.fails_surely:
-            message, hint = f"it never ends: {name} cannot fail", "a Repeat with 'num_cycles' or 'while'"
+            message, hint = (
+                f"the loop never ends: {name} cannot fail",
+                "use a Repeat with 'num_cycles' or 'while'",
+            )
             yield survey.fault(spec, message, hint, code="P321")
 
 
@@ -160,9 +163,12 @@ def only_failing(survey: LintModel) -> Iterator[Diagnostic]:
     if not survey.own(root.mark) or next(endless(survey), None) is not None:
         return
     message = "the mission can only end by failing: no way through it succeeds"
-    hint = "a ForceSuccess or an Inverter around what fails in the end"
+    hint = "put a ForceSuccess or an Inverter around the part that fails in the end"
     if any(spec.id == KeepRunningUntilFailure.__name__ for spec in survey.nodes(KeepRunningUntilFailure)):
-        hint = "KeepRunningUntilFailure fails in the end: a Repeat with 'while', or a ForceSuccess around it"
+        hint = (
+            "KeepRunningUntilFailure fails in the end: use a Repeat with 'while', or put a "
+            "ForceSuccess around it"
+        )
     yield survey.fault(root, message, hint, code="P327")
 
 
@@ -176,16 +182,18 @@ def _repeat(survey: LintModel, spec: NodeSpec, context: NodeContext) -> Iterator
         at = "while" if constant else "num_cycles"
         reason = "'while' always holds" if constant else "num_cycles is -1 and there is no 'while'"
         if child.fails_surely or child.skipped:
-            message = f"it ends only when {part.name} fails: {reason}"
+            message = f"the loop ends only when {part.name} fails: {reason}"
         else:
-            message = f"it never ends: {reason}, and {part.name} cannot fail"
-        yield survey.fault(spec, message, "a number of cycles, a 'while', or a Timeout", code="P321", at=at)
+            message = f"the loop never ends: {reason}, and {part.name} cannot fail"
+        yield survey.fault(
+            spec, message, "give a number of cycles or a 'while', or add a Timeout", code="P321", at=at
+        )
         return
     if not isinstance(condition, Expression) or constant is not None or context.beside:
         return
     if not changes_of((part,), survey.mission.trees).decides(condition):
         message = f"nothing in {part.name} changes '{condition}': once begun, the loop never ends"
-        yield survey.fault(spec, message, "a number of cycles besides", code="P322", at="while")
+        yield survey.fault(spec, message, "give a number of cycles, too", code="P322", at="while")
 
 
 def unbounded_recovery(survey: LintModel) -> Iterator[Diagnostic]:
@@ -201,9 +209,11 @@ def unbounded_recovery(survey: LintModel) -> Iterator[Diagnostic]:
             continue
         flows = (s.node.declaration.flow for s in below if s.node is not None)
         if not any(isinstance(flow, control_flow.LeafFlow) and flow.gives_up for flow in flows):
-            message = f"{passing.name} passes over what fails, and '{condition}' still holds: an item that "
-            message += "cannot be had keeps the loop going for ever"
-            yield survey.fault(spec, message, "a number of cycles, or SetAside", code="P325", at="while")
+            message = f"{passing.name} passes over failed items, and '{condition}' still holds: an item that "
+            message += "cannot be taken keeps the loop running for ever"
+            yield survey.fault(
+                spec, message, "give a number of cycles, or use SetAside", code="P325", at="while"
+            )
 
 
 _ITEM_FACTS = frozenset(("items_left", "items_to_do"))
@@ -237,8 +247,8 @@ def vain_attempts(survey: LintModel) -> Iterator[Diagnostic]:
             continue
         if is_constant(tried, trees, changes_of(cures, trees)):
             found.add(id(spec))
-            message = f"trying again changes nothing: {tried.name} answers alike each time"
-            hint = "something must act, or time pass, between two attempts"
+            message = f"another attempt changes nothing: {tried.name} gives the same result each time"
+            hint = "put a node that acts, or a Delay, between two attempts"
             yield survey.fault(spec, message, hint, code="P323")
 
 

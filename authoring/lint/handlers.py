@@ -49,7 +49,7 @@ def unhandled(survey: LintModel) -> Iterator[Diagnostic]:
     for unmet in places:
         causes = survey.walk.causes.words(unmet.causes)
         inside = " from inside" if unmet.node.node is None else ""
-        message = f"nothing handles {causes}{inside}: it ends the mission"
+        message = f"nothing handles {causes}{inside}: such a failure ends the mission"
         recover = f"Recover: {{do: {{{unmet.node.id}: …}}, otherwise: SafeRetreat}}"
         hint = f"write '{recover}' in its place, or handlers by cause in 'when'"
         if unmet.node.id == "SafeRetreat":
@@ -63,7 +63,7 @@ def _nothing_handled(survey: LintModel, places: list[_Unmet]) -> Diagnostic:
     shown = ", ".join(names[:3]) + (", …" if len(names) > 3 else "")
     main = survey.mission.main
     message = f"whatever fails ends the mission: nothing in it handles a cause (of {shown})"
-    hint = "a Recover around the work, with 'otherwise: [SafeRetreat]' to begin with"
+    hint = "put a Recover around the work, with 'otherwise: [SafeRetreat]' to begin with"
     return Diagnostic(main.mark, main.name, message, hint, "P310", "warning")
 
 
@@ -90,13 +90,13 @@ def _table(survey: LintModel, spec: NodeSpec, slot: str) -> Iterator[Diagnostic]
         if used or (over is None and pattern in (str(internal.ANY), internal.ERROR.name)):
             continue  # any node may have a fault, which is not walked through
         if over is not None:
-            message = f"{pattern!r} is never used: {over!r} above it takes its causes"
-            yield survey.fault(spec, message, "the first that fits is used", code="P312", at=at)
+            message = f"{pattern!r} is never used: the earlier pattern {over!r} takes its causes"
+            yield survey.fault(spec, message, "the first pattern that fits is used", code="P312", at=at)
         elif causes & survey.walk.causes.matching(pattern):
-            message = f"{pattern!r} is never used: the patterns above take all its causes that are possible"
+            message = f"{pattern!r} is never used: earlier patterns take all its possible causes"
             yield survey.fault(spec, message, code="P312", at=at)
         else:
-            message = f"{pattern!r} is never used: {tried.name} does not fail with it"
+            message = f"{pattern!r} is never used: {tried.name} never fails with this cause"
             possible = survey.walk.causes.words(causes & ~survey.walk.undeclared)
             yield survey.fault(
                 spec, message, f"it may with {possible}" if possible else "", code="P311", at=at

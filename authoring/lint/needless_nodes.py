@@ -27,7 +27,7 @@ def unreachable(survey: LintModel) -> Iterator[Diagnostic]:
         rest = _following(place, survey)
         if rest is None:
             continue
-        message = f"it is never reached: {why}" if why else "it is never reached"
+        message = f"this node is never reached: {why}" if why else "this node is never reached"
         hint = f"nor what follows it: {', '.join(rest[:3])}{', …' if len(rest) > 3 else ''}" if rest else ""
         yield survey.fault(spec, message, hint, code="P320")
 
@@ -73,11 +73,11 @@ def without_effect(survey: LintModel) -> Iterator[Diagnostic]:
             case "ForceFailure" if not ends.success:
                 message = f"{part.name} never succeeds"
             case "Timeout" if number(spec, "msec") == 0:
-                message, at = "a time of 0 is without limit", "msec"
+                message, at = "a time of 0 means no limit", "msec"
             case "Timeout" if not ends.running:
-                message = f"{part.name} always ends at once"
+                message = f"{part.name} always ends in its first tick"
             case "Delay" if number(spec, "delay_msec") == 0:
-                message, at = "it waits no time", "delay_msec"
+                message, at = "a delay of 0 does not wait", "delay_msec"
             case "RetryUntilSuccessful" if number(spec, "num_attempts") == 1:
                 message, at = "one attempt is no retry", "num_attempts"
             case "RetryUntilSuccessful":

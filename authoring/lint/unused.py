@@ -36,7 +36,7 @@ def _writer(read: KeyRead, writers: Iterable[data_flow.KeyUse]) -> str:
     spec = next(iter(writers)).spec
     where = f"{spec.name}, line {spec.mark.line}, writes it"
     before = spec.mark < read.spec.places.get(read.place, read.spec.mark)
-    return f"{where}, but may fail or be passed by" if before else f"{where}, further down"
+    return f"{where}, but may fail or be skipped" if before else f"{where}, further down"
 
 
 def _remedy(survey: LintModel, read: KeyRead, usage: KeyUsage, writers: list[data_flow.KeyUse]) -> str:
@@ -65,7 +65,7 @@ def never_read(survey: LintModel) -> Iterator[Diagnostic]:
             inputs = {port.key for port in tree.ports if port.direction == "in"}
             given = {*inputs, *usage.writes, *data_flow.FACT_TYPES}
             hint = suggest_name(key, (read for read in usage.reads if read not in given))
-            hint = hint if hint.startswith("did you mean") else "an output that nobody needs is left out"
+            hint = hint if hint.startswith("did you mean") else "leave out an output that no node needs"
             yield survey.fault(first.spec, message, hint, code="P303", at=first.at)
 
 

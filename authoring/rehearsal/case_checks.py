@@ -99,7 +99,7 @@ class CaseNames:
         played = tuple(role for role in found if role.played)
         if found and not played:
             kind = found[0].spec.id
-            message = f"{pattern!r} is a node of the language ({kind}), which answers for itself"
+            message = f"{pattern!r} is a node of the language ({kind}), for which a case cannot give answers"
             known = suggest_name("", self._names(played=True)) or "this mission has no leaf of that kind"
             self.fault(loc, message, f"{remedy}; {known}", code="P704", key=key)
         return played
@@ -335,7 +335,7 @@ class CaseChecks:
             left = [role for role in played if role.path not in answered]
             own = script.loc[:1] == ("cases",)
             if played and not left and own:
-                message = f"{script.pattern!r} is never used: patterns before it fit all that it fits"
+                message = f"{script.pattern!r} is never used: earlier patterns fit all nodes that it fits"
                 self._known.fault(
                     script.loc, message, "put it first", code="P716", key=True, severity="warning"
                 )
@@ -377,7 +377,7 @@ class CaseChecks:
             what = "it takes no ticks" if answer.ticks else f"it is never {answer.end}"
             impossible("ticks" if answer.ticks else "status", f"{identity} is a condition: {what}")
         if skill and answer.end == "SKIPPED":
-            hint = "it is skipped by its '_skipIf' or '_while', which is asked in a rehearsal, too"
+            hint = "only its '_skipIf' or '_while' can skip it; a rehearsal checks them, too"
             impossible("status", f"{identity} is a skill, which does not skip itself", hint)
         declared = ", ".join(map(str, role.causes))
         if skill and answer.end == "FAILURE" and not answer.cause:

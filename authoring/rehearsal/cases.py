@@ -66,7 +66,7 @@ class Destination:
 
 @dataclass(frozen=True, slots=True)
 class BelievedObject(file_models.FileValue):
-    """One object as the robot believes it to be. What is left out follows from its kind and the scene."""
+    """One object in the robot's belief. Missing keys get values from the object's kind and the scene."""
 
     kind: Text | None = None
     """Kind of the scene's catalogue; default: unknown."""
@@ -77,15 +77,15 @@ class BelievedObject(file_models.FileValue):
     role: Literal["item", "obstacle"] | None = None
     """item: to be handled; obstacle: only in the way. Default: item."""
     destination: Annotated[Destination | None, file_models.ReadAs(Text | None, Destination)] = None
-    """The bin where it belongs, null for nowhere. Default: what the scene's rules say of it."""
+    """Bin where the object belongs, null for nowhere. Default: by the scene's rules."""
     place: Text | None = None
-    """Where it is believed to lie: table, a bin, hand, or aside. Default: table."""
+    """Believed place: table, a bin, hand, or aside. Default: table."""
     mass: file_models.Mass | None = None
     """Mass as it was weighed, kg. Default: not weighed."""
     confidence: file_models.Share | None = None
-    """How sure the belief is, 0 to 1. Default: 1."""
+    """Confidence of the belief, 0 to 1. Default: 1."""
     last_seen: file_models.Duration | None = None
-    """Simulated time when it was seen last, s."""
+    """Simulated time at which the object was last seen, s."""
     sigma_position: Sigma | None = None
     """Standard deviation of its position, m."""
     sigma_angle: SigmaAngle | None = None
@@ -101,7 +101,7 @@ class Effects(file_models.FileValue):
     """Changes of the world after a leaf's answer."""
 
     facts: dict[str, object] = field(default_factory=dict[str, object])
-    """Facts that have a value of the case's own from now on; null gives them back."""
+    """Facts that the case sets from now on; null ends this, and the fact follows from the belief again."""
     objects: Objects = field(default_factory=dict[str, "BelievedObject | None"])
     """Objects that appear or change, by id; null takes one out of the belief."""
     hand: Text | None = None
@@ -113,18 +113,18 @@ class LeafAnswer(file_models.FileValue):
     """Answer of a leaf to one start."""
 
     status: AnswerStatus | None = None
-    """How it ends; RUNNING: not by itself. Default: SUCCESS, with a cause FAILURE. A skill that fails has a
-    cause; a condition that does not hold is a FAILURE without one."""
+    """Status at the end; RUNNING: the leaf does not end by itself. Default: SUCCESS, or FAILURE with a cause.
+    A skill that fails has a cause; a condition that does not hold is a FAILURE without a cause."""
     cause: Text | None = None
-    """Why it fails: one of the causes that the leaf declares."""
+    """Cause of the failure: one of the causes that the leaf declares."""
     ticks: Ticks = 0
-    """Number of ticks (0.05 s each) for which it is RUNNING before it ends."""
+    """Number of ticks (0.05 s each) for which the leaf is RUNNING before its end."""
     message: Text = ""
     """The sentence of the failure. Default: the cause's own."""
     outputs: dict[str, object] = field(default_factory=dict[str, object])
-    """Values that it writes to its outputs, by port."""
+    """Values that the leaf writes to its outputs, by port."""
     then: Effects | None = None
-    """Changes of the world after it has ended."""
+    """Changes of the world after the leaf has ended."""
 
     @property
     def end(self) -> AnswerStatus:
@@ -193,11 +193,11 @@ class ExpectedHandling(file_models.FileValue):
     cause: Text
     """The cause, or a family of causes as grasp.*."""
     by: Text | None = None
-    """Pattern of the node that takes it up: SortOne/Recover."""
+    """Pattern of the node that takes up the failure: SortOne/Recover."""
     handler: Text | None = None
-    """Which of its handlers: the pattern under `when:`, or otherwise."""
+    """Handler of that node: a pattern under its `when:`, or `otherwise`."""
     times: Count | None = None
-    """How often exactly. Default: at least once."""
+    """Exact number of times. Default: at least once."""
 
 
 def _expected_handling(value: object) -> object:
@@ -209,11 +209,11 @@ class Expectation(file_models.FileValue):
     """Expected result of a case."""
 
     status: EndStatus | None = None
-    """The mission's last status. RUNNING: it still runs after `ticks`; IDLE: it was halted."""
+    """The mission's last status. RUNNING: the mission still runs after `ticks`; IDLE: it was halted."""
     cause: Text | None = None
-    """Why the mission fails: a cause, or a family as grasp.*."""
+    """Cause of the mission's failure, or a family as grasp.*."""
     ticks: Count | None = None
-    """How many ticks it may take at most."""
+    """Maximum number of ticks of the mission."""
     order: (
         tuple[
             Annotated[
@@ -241,7 +241,7 @@ class Expectation(file_models.FileValue):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CaseEntry(file_models.FileValue):
-    """One case: how the world is, how the leaves answer, what must come of it."""
+    """One case: state of the world, answers of the leaves, expected result."""
 
     doc: Text = ""
     """Subject of the case, in a sentence."""
@@ -250,11 +250,12 @@ class CaseEntry(file_models.FileValue):
     objects: Objects = field(default_factory=dict[str, "BelievedObject | None"])
     """Objects in the belief when the mission begins, by id."""
     facts: dict[str, object] = field(default_factory=dict[str, object])
-    """Facts (items_left, items_to_do, holding, held_object, stopped, feed_exhausted, items_done) that have a
-    value of the case's own; the others follow from the belief."""
+    """Facts (items_left, items_to_do, holding, held_object, stopped, feed_exhausted, items_done) that the
+    case sets; the others follow from the belief."""
     leaves: dict[str, Leaf] = field(default_factory=dict[str, object])
-    """How leaves answer, by pattern: Grasp is any node of that name, SortOne/Grasp one below SortOne,
-    /Main/Sequence/Grasp that one alone. The first that fits is used; a leaf that none fits succeeds."""
+    """Answers of leaves, by pattern: Grasp fits any node of that name, SortOne/Grasp a node below
+    SortOne, /Main/Sequence/Grasp only this node. The first pattern that fits is used; a leaf without one
+    succeeds."""
     halt_after: Count | None = None
     """The tick after which the mission is halted."""
     expect: Expectation
@@ -272,12 +273,12 @@ class CasesSettings(file_models.FileValue):
     objects: Objects = field(default_factory=dict[str, "BelievedObject | None"])
     """Objects in the belief when the mission begins, by id. In all cases."""
     facts: dict[str, object] = field(default_factory=dict[str, object])
-    """Facts (items_left, items_to_do, holding, held_object, stopped, feed_exhausted, items_done) that have a
-    value of the case's own; the others follow from the belief."""
+    """Facts (items_left, items_to_do, holding, held_object, stopped, feed_exhausted, items_done) that the
+    case sets; the others follow from the belief."""
     leaves: dict[str, Leaf] = field(default_factory=dict[str, object])
-    """How leaves answer, by pattern: Grasp is any node of that name, SortOne/Grasp one below SortOne,
-    /Main/Sequence/Grasp that one alone. The first that fits is used; a leaf that none fits succeeds. A case's
-    own patterns come before these."""
+    """Answers of leaves, by pattern: Grasp fits any node of that name, SortOne/Grasp a node below
+    SortOne, /Main/Sequence/Grasp only this node. The first pattern that fits is used; a leaf without one
+    succeeds. A case's own patterns come before these."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -361,12 +362,14 @@ class _Reader:
         known = file_models.keys_of(CasesFile)
         check.keys(known)
         if not data.get("cases"):
-            check.fault((), "the file has no cases", "'cases:' holds them by name", code="P701", key=True)
+            check.fault(
+                (), "the file has no cases", "add 'cases:' with a name for each case", code="P701", key=True
+            )
         top = check.read(CasesSettings, ignore={"cases", *(name for name in data if name not in known)})
         scripts = self._scripts(())
         many = data.get("cases")
         if isinstance(many, dict) and len(many) > MAX_CASES:
-            message = f"at most {MAX_CASES} cases are wanted in a file, not {len(many)}"
+            message = f"a file may have at most {MAX_CASES} cases, not {len(many)}"
             check.fault(("cases",), message, code="P110", key=True)
             return CaseFile(self._document, None, ())
         given = check.each(CaseEntry, "cases")
@@ -404,11 +407,11 @@ class _Reader:
         if or_else(lambda: expect.cause, None) and status not in (None, "FAILURE"):
             fault("cause", f"a mission that ends in {status} has no cause")
         if status == "RUNNING" and ticks is None:
-            fault("status", "RUNNING needs 'ticks': after how many it must still run")
+            fault("status", "RUNNING needs 'ticks', the number of ticks after which the mission still runs")
         if status == "IDLE" and halt_after is None:
             fault("status", "a mission is IDLE only when it was halted", "say so with 'halt_after'")
         if halt_after is not None and ticks is not None and ticks < halt_after:
-            fault("ticks", f"the mission is halted after {halt_after} ticks, which is more")
+            fault("ticks", f"the mission is halted only after {halt_after} ticks, later than that")
 
     # Answers.
 
@@ -475,7 +478,7 @@ class _Reader:
         if answer.message and not answer.cause:
             fault("message", "only a failure with a cause has a message")
         if answer.then is not None and answer.end == "RUNNING":
-            fault("then", "what never ends has no 'then'")
+            fault("then", "an answer that never ends has no 'then'")
 
 
 def _those_read(found: Iterable[T | None]) -> Iterator[T]:

@@ -327,4 +327,4 @@ class RehearsalWorld:
         return self.belief.facts(self.clock.now)
 
     def __getattr__(self, name: str) -> NoReturn:
-        raise AttributeError(f"in a rehearsal there is no world.{name}: no robot stands behind it")
+        raise AttributeError(f"in a rehearsal there is no world.{name}: no robot is simulated")

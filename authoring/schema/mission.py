@@ -162,8 +162,9 @@ def _head(scenes: tuple[str, ...]) -> dict[str, Schema]:
         "include": {
             "type": ["array", "null"],
             "items": {"type": "string", "minLength": 1},
-            "description": "Files whose trees are used here: beside this one, or 'library/recovery' of the "
-            "built-in ones.",
+            "description": "Files whose trees are used here: files next to this file, or 'library/recovery' "
+            "from the "
+            "built-in library.",
         },
         "plugins": {
             "type": ["array", "null"],

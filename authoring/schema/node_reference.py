@@ -50,10 +50,13 @@ _NAME_WORDS = {
 _ASSIGNMENTS = "Assignments, as `tries := tries + 1`, several with `;`: made when the node "
 COMMON_DOCS: Mapping[str, str] = {
     "name": "Name of the node in pictures, logs and paths; its ID unless given.",
-    "_failureIf": "An expression: when it holds as the node would start, it is FAILURE instead.",
-    "_successIf": "An expression: when it holds as the node would start, it is SUCCESS instead.",
-    "_skipIf": "An expression: when it holds as the node would start, it is SKIPPED, as if it were absent.",
-    "_while": "An expression, asked at every tick: when it does not hold, the node is halted and SKIPPED.",
+    "_failureIf": "An expression: when it holds before the node starts, the node is FAILURE and does not "
+    "start.",
+    "_successIf": "An expression: when it holds before the node starts, the node is SUCCESS and does not "
+    "start.",
+    "_skipIf": "An expression: when it holds before the node starts, the node is SKIPPED, as if it were "
+    "absent.",
+    "_while": "An expression, checked at every tick: when it does not hold, the node is halted and SKIPPED.",
     "_onHalted": _ASSIGNMENTS + "is halted while it runs.",
     "_onFailure": _ASSIGNMENTS + "ends in FAILURE.",
     "_onSuccess": _ASSIGNMENTS + "ends in SUCCESS.",

@@ -210,7 +210,7 @@ class NodeIds:
         """Return the rule for other keys of a mapping that holds a node."""
         if self.closed:
             return {"additionalProperties": False}
-        names = {"pattern": ID_PATTERN, "patternErrorMessage": "this is no ID of a node or a sub-tree"}
+        names = {"pattern": ID_PATTERN, "patternErrorMessage": "this is not the ID of a node or a sub-tree"}
         return {"propertyNames": names, "additionalProperties": ref("unknown")}
 
     def bare(self) -> Schema:
@@ -222,7 +222,7 @@ class NodeIds:
             pattern = f"^(?!(?:{'|'.join(map(escaped, self.needing))}){_END})[A-Za-z_]{_WORD}{_END}"
         else:
             pattern = ID_PATTERN
-        message = "no node of this name is valid without ports or children"
+        message = "a node of this name needs ports or children"
         return {"pattern": pattern, "patternErrorMessage": message}
 
     def only_child(self, owner: str, keys: list[str]) -> Schema:

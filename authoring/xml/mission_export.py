@@ -234,7 +234,7 @@ class XmlExporter:
         mark = spec.places.get(port.key, spec.mark)
         if isinstance(bound, references.PortExpression):
             message = f"port {port.key!r}: BehaviorTree.CPP has no expressions as values of ports"
-            hint = f'set a key before, as "{{{port.key}}}" by SetBlackboard, and give the key'
+            hint = f'set a key with SetBlackboard before this node, and give "{{{port.key}}}" here'
             self._fault(mark, trail, message, hint, code="P929")
             return ""
         text = value_text(bound.value, port.type)
@@ -243,7 +243,7 @@ class XmlExporter:
         self._check_text(text, f"port {port.key!r}", mark, trail)
         kind = btcpp_vocabulary.PORT_TYPES.get(port.key, "")
         if spec.id in btcpp_vocabulary.SHARED_NODES and not fits(kind, bound.value):
-            message = f"port {port.key!r}: BehaviorTree.CPP counts with 32 bits, not to {text}"
+            message = f"port {port.key!r}: BehaviorTree.CPP counts with 32 bits; {text} is too large"
             self._fault(mark, trail, message, code="P923")
         elif spec.id in btcpp_vocabulary.SHARED_NODES and kind == "unsigned" and not _whole(bound.value):
             message = f"port {port.key!r}: BehaviorTree.CPP counts whole milliseconds, not {text}"
@@ -330,7 +330,10 @@ class XmlExporter:
         for index, (label, _) in enumerate(cases, 1):
             self._check_text(label, f"the case {label!r}", spec.mark, trail)
             if truth is None and label in TRUTH_LABELS:
-                message = f"{spec.ports['variable']} may be a truth value, which is a number there: {label!r}"
+                message = (
+                    f"{spec.ports['variable']} may be a truth value, which BehaviorTree.CPP "
+                    f"compares as a number, not as {label!r}"
+                )
                 hint = "compare it in Conditions, or switch over a text"
                 self._fault(spec.mark_at(f"cases/{label}"), trail, message, hint, code="P927")
             attributes[f"case_{index}"] = TRUTH_LABELS.get(label, label) if truth else label

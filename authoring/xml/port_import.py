@@ -144,7 +144,7 @@ class PortsOfTrees:
         if "default" in element.attributes:
             text = element.get("default")
             if text.strip().startswith("{=}") or text.strip() == "{}":
-                message = f"{text.strip()!r} is no default: it names no key"
+                message = f"{text.strip()!r} is not a default: it names no key"
                 hint = f"write {{{key}}} for the caller's key of that name"
                 self._faults.fault(element.place("default"), tree, message, hint, code="P911")
             elif is_pointer(text):

@@ -295,7 +295,12 @@ def stub_missing_trees(source: XmlSource, faults: ImportFaults) -> None:
         if element.name != "SubTree" or identity in source.trees or not identity:
             return replace(element, children=inside)
         missing.add(identity)
-        faults.note(element.place("ID"), "", f"there is no tree {identity!r}; it is a node here", code="P913")
+        faults.note(
+            element.place("ID"),
+            "",
+            f"there is no tree {identity!r}; the name is taken for a node",
+            code="P913",
+        )
         kept = {key: text for key, text in element.attributes.items() if key != AUTOREMAP}
         return replace(element, name="Action", attributes=kept)
 

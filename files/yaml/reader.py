@@ -157,9 +157,12 @@ class _Reader:
         mark = _mark(self._file, event.start_mark)
         target = self._anchors.get(str(event.anchor))
         if target is None:
-            message = f"*{event.anchor} names no finished value"
+            message = f"*{event.anchor} has no anchor before it"
             self._stop(
-                mark, message, "its anchor comes before it; quote a text that begins with *", code="P117"
+                mark,
+                message,
+                "put the anchor &… earlier in the file; quote a text that begins with *",
+                code="P117",
             )
         self._count(target.size, mark)
         if len(self._open) + target.height > MAX_DEPTH:
@@ -303,7 +306,7 @@ class _Reader:
     def _count(self, values: int, mark: Mark) -> None:
         self._total += values
         if self._total > MAX_VALUES:
-            message = f"the file has more than {MAX_VALUES} values, aliases counted out"
+            message = f"the file has more than {MAX_VALUES} values, each alias counted with all its values"
             self._stop(mark, message, code="P123")
 
     def _refuse_tag(self, tag: str | None, mark: Mark) -> None:

@@ -332,8 +332,12 @@ _PROBLEMS: Mapping[str, _Words] = {
     "did not find expected '-' indicator": _Words(
         "this does not line up with the list above", "check indent and quotes"
     ),
-    "did not find expected ',' or '}'": _Words("a ',' or '}' is missing", "the { of line {line} is open"),
-    "did not find expected ',' or ']'": _Words("a ',' or ']' is missing", "the [ of line {line} is open"),
+    "did not find expected ',' or '}'": _Words(
+        "a ',' or '}' is missing", "the { of line {line} is not closed"
+    ),
+    "did not find expected ',' or ']'": _Words(
+        "a ',' or ']' is missing", "the [ of line {line} is not closed"
+    ),
     "could not find expected ':'": _Words("a ':' is missing behind this key", "as 'key: value'", True),
     "did not find expected alphabetic or numeric character": _Words(
         "& and * begin an anchor and an alias, and need a name", "quote a text that begins with them", True
@@ -343,7 +347,7 @@ _PROBLEMS: Mapping[str, _Words] = {
     ),
     "did not find expected comment or line break": _Words("the line must end here"),
     "found unknown escape character": _Words(
-        'unknown escape in a "…" text', "a backslash is written \\\\, or the text in '…'"
+        'unknown escape in a "…" text', "double the backslash, or put the text in '…'"
     ),
     "found unexpected document indicator": _NEVER_CLOSED,
     "found a tab character that violates indentation": _NO_TAB,

@@ -84,7 +84,7 @@ def test_what_is_told_of_two_runs(good: Path, bad: Path) -> None:
         "   failure, 0 of 1 items sorted, 0.25 s: it missed",
     ]
     assert parts[1] == [
-        "they part at 0.20 s: Grasp ends otherwise, fails with another cause, takes another time",
+        "the runs diverge at 0.20 s: Grasp ends differently, fails with another cause, takes another time",
         "  A  Main/Grasp (red_block_1)",
         "     0.00 to 0.20 s: SUCCESS",
         "  B  Main/Grasp (red_block_1)",
@@ -184,7 +184,7 @@ def test_a_run_that_goes_on_from_a_checkpoint_is_compared_from_there(good: Path,
     assert found.first is not None and found.first.tick == 8
     assert to_text(found).splitlines()[5:7] == [
         "compared from 0.225 s on: one log begins there",
-        "they part at 0.40 s: Place ends otherwise, fails with another cause",
+        "the runs diverge at 0.40 s: Place ends differently, fails with another cause",
     ]
     assert [(change.a.busy, change.b.busy) for change in found.items if change.a and change.b] == [
         (pytest.approx(0.175), pytest.approx(0.175))

@@ -60,7 +60,7 @@ def test_a_condition_that_does_not_hold(tmp_path: Path) -> None:
     (cause,) = found.root_causes
     assert (cause.cause, cause.ended_run) == ("tree.condition", True)
     assert cause.title == "a condition did not hold, and the mission ends there: 1 > 2"
-    assert cause.reasons == ("Main/Sequence/Condition was asked at 0.00 s",)
+    assert cause.reasons == ("Main/Sequence/Condition was checked at 0.00 s",)
 
 
 def test_an_object_that_the_belief_never_had_is_a_name_of_the_mission(tmp_path: Path) -> None:
@@ -100,7 +100,7 @@ def test_an_item_that_still_rolls_in_its_bin_when_the_run_is_scored(
         (story,) = log.explanation.items
     assert (cause.cause, cause.ended_run) == ("place.not_at_rest", True)
     assert cause.title == "red_ball_1 still moved in red_bin when the mission ended"
-    assert story.truth == "truly in red_bin, where it belongs, but does not rest in it"
+    assert story.truth == "truly in red_bin, where it belongs, but is not at rest in it"
 
 
 def test_a_fault_in_the_code_of_a_node(tmp_path: Path) -> None:
@@ -156,7 +156,7 @@ def test_a_file_of_a_rotated_log_that_another_continues_is_not_called_killed(tmp
         found = log.explanation
     assert (found.outcome.status, found.root_causes) == ("continued", ())
     assert found.outcome.sentence == (
-        "this file of the log ends at 1.95 s, and log-0003.mcap goes on while Delay was running"
+        "this file of the log ends at 1.95 s while Delay was running; the run continues in log-0003.mcap"
     )
     with Run(max(folder.glob("log-*.mcap"))) as log:
         assert log.explanation.outcome.status == "incomplete"
@@ -179,7 +179,7 @@ def test_what_was_done_before_a_log_began_is_one_item_in_it(in_parts: tuple[Path
         begun = run.info.continues
     assert begun is not None
     assert note == (
-        f"the log begins at {begun.time:.2f} s, at a checkpoint of {begun.log}; it lacks what was before"
+        f"the log begins at {begun.time:.2f} s, at a checkpoint of {begun.log}; earlier events are not in it"
     )
 
 

@@ -115,10 +115,10 @@ def test_an_item_that_was_taken_away(tmp_path: Path) -> None:
         True,
     )
     assert cause.title == (
-        "red_ball_1 was taken away between 0.6 and 0.8 s: it is nowhere in the robot's world any more"
+        "red_ball_1 was taken away between 0.6 and 0.8 s: the robot's belief does not contain it any more"
     )
     assert cause.reasons == (
-        "its true place is in the log until 0.60 s (x 0.44, y -0.09 m), and then no more",
+        "the log has its true place until 0.60 s (x 0.44, y -0.09 m), and not after that",
         "the fingers met (0.0 mm) and hold nothing",
         "at 8.65 s its place was seen empty, and the robot gave it up",
     )

@@ -138,4 +138,4 @@ def test_thinning_keeps_every_extreme_in_its_place(values: list[float], most: in
         pair = kept[k : k + 2]
         if not np.isnan(stretch).all():
             assert sorted(pair) == [np.nanmin(stretch), np.nanmax(stretch)]
-    assert few.note == f"Least and greatest of {size} ticks each."
+    assert few.note == f"Each point shows the least and the greatest value of {size} ticks."

@@ -207,7 +207,7 @@ def test_a_record_whose_mission_was_altered_is_found_out(
     with Run(greeting.log) as run:
         now = run.info.arithmetic
         assert [str(reason) for reason in reasons(run, now)] == [
-            "mission.yaml in the log is not what was run"
+            "mission.yaml in the log differs from the version that was run"
         ]
 
 
@@ -228,7 +228,7 @@ def test_what_is_not_as_it_was_is_a_reason(greeting: RunResult, monkeypatch: pyt
     glibc = now.versions["glibc"]
     assert told == [
         "picktree itself was changed in robot/control/control_loop.py",
-        f"recorded with other arithmetic (glibc {glibc}, here 2.41): the runs may part",
+        f"recorded with other arithmetic (glibc {glibc}, here 2.41): the runs may diverge",
         f"pybullet: {run.info.versions['pybullet']} then, 9 now",
     ]
 
@@ -243,15 +243,15 @@ def test_sources_that_moved_are_counted_and_not_listed() -> None:
         return environment.source_changes(then, now)
 
     assert said(then) == ()
-    assert said(stayed | moved) == ("the sources have moved since (10 files have other places)",)
+    assert said(stayed | moved) == ("the source files have moved since the run (10 files were moved)",)
     assert said(stayed | edited) == (
-        "the sources have moved since (10 files have other places, 10 of them changed)",
+        "the source files have moved since the run (10 files were moved, 10 of them changed)",
     )
     one = {"cell/39.py" if path == "world/39.py" else path: digest for path, digest in then.items()}
-    assert said(one) == ("the sources have moved since (1 file has another place)",)
+    assert said(one) == ("the source files have moved since the run (1 file was moved)",)
     few = dict(list(moved.items())[:8])
     assert said(stayed | {"world/3.py": "other"} | few) == (
-        "the sources have moved since (8 files have other places)",
+        "the source files have moved since the run (8 files were moved)",
         "picktree itself was changed in world/3.py, world/38.py, world/39.py",
     )
     first = "world/0.py, world/1.py, world/10.py, world/11.py, world/12.py"
@@ -289,7 +289,9 @@ def test_a_file_that_was_edited_since_is_noted(tmp_path: Path) -> None:
     with Run(log) as run:
         assert notes(run) == ()
         (tmp_path / "files" / "greeting.yaml").write_text(MISSION + "# later\n")
-        assert notes(run) == (f"{tmp_path}/files/greeting.yaml was edited since; what the log holds was run",)
+        assert notes(run) == (
+            f"{tmp_path}/files/greeting.yaml was edited after the run; the version in the log was run",
+        )
 
 
 class Editor:

@@ -146,7 +146,7 @@ def test_what_is_printed_is_short_and_telling(sorted_run: Path) -> None:
 
 def test_a_run_that_was_cut_off_says_so(log_path: Path) -> None:
     with Run(log_path) as run:
-        assert repr(run) == f"<Run {log_path}: sort by colour, seed 7, 3.0 s, no result: it was cut off>"
+        assert repr(run) == f"<Run {log_path}: sort by colour, seed 7, 3.0 s, no result: the log was cut off>"
 
 
 @pytest.mark.parametrize(

@@ -118,7 +118,7 @@ def test_another_recovery_turns_the_outcome(turned: Continuation) -> None:
 def test_what_is_said_of_it(turned: Continuation) -> None:
     text = turned.to_text()
     assert "changed     mission line 14: 8 lines instead of 3, `Recover:` instead of `Sequence:`\n" in text
-    assert "they part at 8.10 s (A: recorded, B: what if): SortOne ends otherwise" in text
+    assert "the runs diverge at 8.10 s (A: recorded, B: what if): SortOne ends differently" in text
     assert json.loads(turned.to_json_text())["new_log"] == str(turned.new_log)
 
 

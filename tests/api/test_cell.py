@@ -165,8 +165,8 @@ def test_log_that_begins_with_a_full_hand_cannot_run_again(cell: pt.Cell, tmp_pa
     with pytest.raises(pt.PicktreeError) as raised:
         resimulate(log)
     assert str(raised.value) == (
-        f"{log}: the log begins at {began:.2f} s of a cell whose arm moved or whose hand was full, and does "
-        "not say how it came to that; record what belongs together as one tree, "
+        f"{log}: the log begins at {began:.2f} s, after the arm had moved or the hand had "
+        "taken something, and it does not contain these actions; record all of them as one tree, "
         "`cell.run(pt.Sequence(…), log=…)`"
     )
 

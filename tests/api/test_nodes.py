@@ -95,7 +95,8 @@ WRONG = {
     ),
     "table": (
         lambda: pt.Recover(pt.Observe(), when=[pt.Observe()]),  # type: ignore[arg-type]
-        "Recover: 'when' is a mapping: cause, or family of causes, and what may cure it",
+        "Recover: 'when' is a mapping: cause, or family of causes, and its handler, which may cure "
+        "the failure",
     ),
     "value": (
         lambda: pt.Grasp(object=SimpleNamespace(id="red_block_1")),  # type: ignore[arg-type]

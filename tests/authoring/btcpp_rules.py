@@ -145,7 +145,7 @@ class _Judge:
 
     def port_name(self, name: str) -> Iterator[str]:
         if not name[:1].isalpha() or FORBIDDEN.search(name) or name in RESERVED:
-            yield f"{name!r} is no name of a port"
+            yield f"{name!r} is not the name of a port"
 
     def tree(self, tree: ET.Element) -> Iterator[str]:
         identity = tree.get("ID", "")

@@ -79,13 +79,13 @@ def test_names_are_followed_over_keys_and_the_ports_of_sub_trees() -> None:
     """
     assert faults(text) == [
         "P240 6:19: Main: port 'rest': the robot 'panda' has no pose 'hom', which is the default "
-        "(did you mean 'home'?; it goes to the port 'pose' of GoTo, line 12)",
+        "(did you mean 'home'?; the value goes to the port 'pose' of GoTo, line 12)",
         "P240 9:27: Main/Sequence/Observe: port 'camera': the scene 'three_bins' has no camera 'overhed' "
         "(did you mean 'overhead'?; Main/Sequence/SetBlackboard writes it, line 8)",
         "P240 10:24: Main/Sequence/Look: port 'camera': the scene 'three_bins' has no camera 'side' "
-        "(known: overhead; it goes to the port 'camera' of Observe, line 16)",
+        "(known: overhead; the value goes to the port 'camera' of Observe, line 16)",
         "P240 11:9: Main/Sequence/Look#2: port 'camera': the scene 'three_bins' has no camera 'front', "
-        "which is the default (known: overhead; it goes to the port 'camera' of Observe, line 16)",
+        "which is the default (known: overhead; the value goes to the port 'camera' of Observe, line 16)",
         "P240 13:88: Main/Sequence/ForEach/Place: port 'into': the scene 'three_bins' has no bin 'bleu_bin' "
         "(did you mean 'blue_bin'?; Main/Sequence/ForEach writes it, line 13)",
     ]
@@ -123,7 +123,7 @@ def test_a_tree_of_the_library_is_held_to_the_scene_where_it_is_used(tmp_path: P
     assert [fault for fault in faults(text % "AlwaysSuccess", tmp_path) if "P343" not in fault] == []
     assert faults(text % "LookAgain, {LookAgain: {camera: eye}}", tmp_path) == [
         "P240 5:27: Main/Sequence/LookAgain: port 'camera': the scene 'cell' has no camera 'overhead', which "
-        f"is the default (known: eye; it goes to the port 'camera' of Observe, line {line} "
+        f"is the default (known: eye; the value goes to the port 'camera' of Observe, line {line} "
         f"of {recovery})"
     ]
 

@@ -21,11 +21,11 @@ def test_each_source_is_named_with_its_causes() -> None:
         "OpenGripper",
     )
     assert lint(text) == [
-        f"P310 5:9 Main/Sequence/Timeout: nothing handles tree.timeout: it ends the mission "
+        f"P310 5:9 Main/Sequence/Timeout: nothing handles tree.timeout: such a failure ends the mission "
         f"{hint('Timeout')}",
         "P310 5:35 Main/Sequence/Timeout/Observe: nothing handles perception.not_found, perception.no_image: "
-        f"it ends the mission {hint('Observe')}",
-        f"P310 6:9 Main/Sequence/OpenGripper: nothing handles control.gripper: it ends the mission "
+        f"such a failure ends the mission {hint('Observe')}",
+        f"P310 6:9 Main/Sequence/OpenGripper: nothing handles control.gripper: such a failure ends the mission "
         f"{hint('OpenGripper')}",
     ]
 
@@ -33,7 +33,8 @@ def test_each_source_is_named_with_its_causes() -> None:
 def test_a_mission_that_handles_nothing_is_told_once() -> None:
     assert lint(main("GoTo: {pose: home}", "SafeRetreat")) == [
         "P310 2:3 Main: whatever fails ends the mission: nothing in it handles a cause "
-        "(of GoTo, SafeRetreat) (a Recover around the work, with 'otherwise: [SafeRetreat]' to begin with)"
+        "(of GoTo, SafeRetreat) (put a Recover around the work, with 'otherwise: [SafeRetreat]' to "
+        "begin with)"
     ]
     assert lint("trees: {Main: {GoTo: {pose: home}}}") == []
 
@@ -83,7 +84,7 @@ def test_what_is_handled_tried_again_or_passed_over(handled: str) -> None:
 def test_what_still_comes_through(text: str, cause: str) -> None:
     sub = "  Sub: {Repeat: {num_cycles: 2, do: OpenGripper}}" if "Sub" in text else ""
     (finding,) = lint(main(HOME, text) + sub, "P310")
-    assert f": nothing handles {cause}: it ends the mission" in finding
+    assert f": nothing handles {cause}: such a failure ends the mission" in finding
 
 
 def test_a_switch_without_a_default_and_an_attribute_of_an_object() -> None:
@@ -100,7 +101,7 @@ def test_a_switch_without_a_default_and_an_attribute_of_an_object() -> None:
     """
     assert lint(text, "P310") == [
         "P310 9:16 Main/Sequence/ForEach/Switch: nothing handles world.unknown_object, tree.no_case: "
-        f"it ends the mission {hint('Switch')}"
+        f"such a failure ends the mission {hint('Switch')}"
     ]
 
 
@@ -120,7 +121,7 @@ def test_what_comes_out_of_an_included_tree_is_said_where_it_is_used() -> None:
     """
     assert lint(text) == [
         "P310 6:9 Main/Sequence/RetreatAndLook: nothing handles grasp.slipped, place.occupied, "
-        f"control.*, safety.* from inside: it ends the mission {hint('RetreatAndLook')}"
+        f"control.*, safety.* from inside: such a failure ends the mission {hint('RetreatAndLook')}"
     ]
 
 
@@ -133,26 +134,26 @@ def handlers(do: str, *patterns: str) -> list[str]:
 
 def test_a_handler_for_a_cause_that_the_child_does_not_fail_with() -> None:
     assert handlers("{GoTo: {pose: home}}", "planning.*", "perception.*", "tree.attempts") == [
-        "P311 7:9 'perception.*' is never used: GoTo does not fail with it "
+        "P311 7:9 'perception.*' is never used: GoTo never fails with this cause "
         "(it may with planning.*, control.*, safety.*)",
-        "P311 8:9 'tree.attempts' is never used: GoTo does not fail with it "
+        "P311 8:9 'tree.attempts' is never used: GoTo never fails with this cause "
         "(it may with planning.*, control.*, safety.*)",
     ]
     assert handlers("{Observe: {camera: overhead}}", "perception.not_found") == [
-        "P311 6:9 'perception.not_found' is never used: Observe does not fail with it "
+        "P311 6:9 'perception.not_found' is never used: Observe never fails with this cause "
         "(it may with perception.no_image)"
     ]
     assert handlers("{Observe: {camera: overhead, expect: red}}", "perception.not_found") == []
     assert handlers("{ForceSuccess: {GoTo: {pose: home}}}", "planning.*", "safety.*") == [
-        "P311 6:9 'planning.*' is never used: ForceSuccess does not fail with it (it may with safety.*)"
+        "P311 6:9 'planning.*' is never used: ForceSuccess never fails with this cause (it may with safety.*)"
     ]
 
 
 def test_a_fault_of_the_program_may_be_handled_by_whoever_names_it() -> None:
     assert handlers("{GoTo: {pose: home}}", "internal.error", "'*'") == []
     assert handlers("{GoTo: {pose: home}}", "internal.*", "internal.error") == [
-        "P312 7:9 'internal.error' is never used: 'internal.*' above it takes its causes "
-        "(the first that fits is used)"
+        "P312 7:9 'internal.error' is never used: the earlier pattern 'internal.*' takes its causes "
+        "(the first pattern that fits is used)"
     ]
 
 
@@ -163,18 +164,21 @@ def test_a_condition_that_does_not_hold_counts_as_used_up_attempts() -> None:
 
 def test_causes_that_no_node_declares_may_occur_all_the_same() -> None:
     assert handlers("{Observe: {camera: overhead}}", "world.unknown_object", "tree.missing_input") == []
-    assert handlers("{Log: {message: a}}", "'*'") == ["P311 6:9 '*' is never used: Log does not fail with it"]
+    assert handlers("{Log: {message: a}}", "'*'") == [
+        "P311 6:9 '*' is never used: Log never fails with this cause"
+    ]
 
 
 def test_a_handler_behind_a_pattern_that_takes_its_causes() -> None:
     assert handlers("{GoTo: {pose: home}}", "planning.*", "planning.no_path", "'*'", "control.*") == [
-        "P312 7:9 'planning.no_path' is never used: 'planning.*' above it takes its causes "
-        "(the first that fits is used)",
-        "P312 9:9 'control.*' is never used: '*' above it takes its causes (the first that fits is used)",
+        "P312 7:9 'planning.no_path' is never used: the earlier pattern 'planning.*' takes its causes "
+        "(the first pattern that fits is used)",
+        "P312 9:9 'control.*' is never used: the earlier pattern '*' takes its causes (the first "
+        "pattern that fits is used)",
     ]
     assert handlers("{GoTo: {pose: home}}", "planning.no_path", "planning.*", "control.*", "'*'") == []
     assert handlers("{OpenGripper: {}}", "control.gripper", "control.*") == [
-        "P312 7:9 'control.*' is never used: the patterns above take all its causes that are possible"
+        "P312 7:9 'control.*' is never used: earlier patterns take all its possible causes"
     ]
 
 
@@ -188,8 +192,8 @@ def test_handlers_of_one_attempt_and_an_otherwise_that_nothing_is_left_for() -> 
           when: {planning.*: SafeRetreat}
     """
     assert lint(text, "P311", "P312", "P320") == [
-        "P320 6:26 Main/Recover/SafeRetreat: it is never reached: "
-        "GoTo may run once only, so there is no run after it"
+        "P320 6:26 Main/Recover/SafeRetreat: this node is never reached: "
+        "GoTo may run only once, so no second run follows"
     ]
     text = """
     trees:
@@ -200,7 +204,8 @@ def test_handlers_of_one_attempt_and_an_otherwise_that_nothing_is_left_for() -> 
           otherwise: SafeRetreat
     """
     assert lint(text) == [
-        "P320 6:18 Main/Recover/SafeRetreat#2: it is never reached: GoTo never fails with another cause"
+        "P320 6:18 Main/Recover/SafeRetreat#2: this node is never reached: GoTo never fails with "
+        "another cause"
     ]
 
 

@@ -20,7 +20,7 @@ def held(*nodes: str, rest: str = "") -> list[str]:
     return [finding.split("P330 ")[1].replace("Main/Sequence/", "") for finding in found]
 
 
-SAYS = "the mission may end with what Grasp took still in the hand"
+SAYS = "the hand may still hold the object of Grasp at the end of the mission"
 
 
 def test_a_mission_that_succeeds_with_something_in_the_hand() -> None:
@@ -114,9 +114,9 @@ def test_two_users_of_the_arm_in_a_parallel_are_an_error(kind: str) -> None:
     """
     assert lint(text, "P331") == [
         f"P331 5:9 Main/{kind}/Sequence: Retreat and GoTo use the arm at the same time "
-        "(one after the other, in a Sequence)",
+        "(run one after the other, in a Sequence)",
         f"P331 6:9 Main/{kind}/Delay: Grasp and GoTo use the arm at the same time "
-        "(one after the other, in a Sequence)",
+        "(run one after the other, in a Sequence)",
     ]
 
 
@@ -147,16 +147,16 @@ def test_users_that_do_not_meet(node: str) -> None:
     [
         ("ReactiveSequence: [{GoTo: {pose: home}}, {Grasp: {object: a}}]",
          "P332 4:29 ReactiveSequence/GoTo: GoTo is started anew at each tick and takes the arm from Grasp "
-         "(a condition before it, or Sequence in place of ReactiveSequence)"),
+         "(put a condition before it, or use Sequence instead of ReactiveSequence)"),
         ("ReactiveFallback: [{Sequence: [{Log: {message: a}}, Go]}, {Recover: {do: Go, otherwise: Go}}]",
          "P332 4:29 ReactiveFallback/Sequence: GoTo is started anew at each tick and takes the arm from Go "
-         "(a condition before it, or Fallback in place of ReactiveFallback)"),
+         "(put a condition before it, or use Fallback instead of ReactiveFallback)"),
         ("PipelineSequence: [{GoTo: {pose: home}}, {Grasp: {object: a}}]",
          "P332 4:29 PipelineSequence/GoTo: GoTo is started anew at each tick and takes the arm from Grasp "
-         "(a condition before it, or Sequence in place of PipelineSequence)"),
+         "(put a condition before it, or use Sequence instead of PipelineSequence)"),
         ("PipelineSequence: [{RateController: {do: {GoTo: {pose: home}}}}, {Grasp: {object: a}}]",
          "P332 4:29 PipelineSequence/RateController: GoTo is started anew at each tick and takes the arm "
-         "from Grasp (a condition before it, or Sequence in place of PipelineSequence)"),
+         "from Grasp (put a condition before it, or use Sequence instead of PipelineSequence)"),
     ],
 )  # fmt: skip
 def test_a_skill_that_a_reactive_node_starts_at_each_tick(node: str, finding: str) -> None:
@@ -184,8 +184,9 @@ def test_a_clean_up_on_a_halt_uses_no_robot() -> None:
           do: [{{GoTo: {{pose: observe}}}}, {{Sequence: [{{GoTo: {{pose: home}}}}]}}]
     """
     assert lint(text.format("true"), "P334") == [
-        "P334 5:38 Main/TryCatch/Sequence: a halt ticks GoTo once, when others have the arm that it uses "
-        "(move in what comes after the TryCatch, as in a Recover around it)"
+        "P334 5:38 Main/TryCatch/Sequence: a halt ticks GoTo once, while another node has the arm "
+        "that GoTo uses "
+        "(let a node after the TryCatch move, for example a handler of a Recover around it)"
     ]
     assert lint(text.format("false"), "P334") == []
 
@@ -228,9 +229,10 @@ def test_a_clean_up_on_a_halt_is_followed_into_sub_trees_and_plug_ins(
       Clean: {{Fallback: [{{Condition: {{if: holding}}}}, Deeper]}}
       Deeper: {{ForceSuccess: {node}}}
     """
-    hint = "(move in what comes after the TryCatch, as in a Recover around it)"
+    hint = "(let a node after the TryCatch move, for example a handler of a Recover around it)"
     assert lint(text, "P334", folder=tmp_path) == [
-        f"P334 5:71 Work/TryCatch/{each}: a halt ticks {each} once, when others have the arm that it uses "
+        f"P334 5:71 Work/TryCatch/{each}: a halt ticks {each} once, while another node has the arm "
+        f"that {each} uses "
         f"{hint}"
         for each in ([named] if named else [])
     ]
@@ -243,6 +245,6 @@ def test_the_end_of_a_clean_up() -> None:
     """
     # Whatever the last child does, the mission fails, and with what was there before.
     assert lint(text % "{Place: {object: a, into: red_bin}}", "P330", "P333") == [
-        "P330 2:22 Main/TryCatch/Grasp: the mission may end with what Grasp took still in the hand, when it "
+        "P330 2:22 Main/TryCatch/Grasp: the hand may still hold the object of Grasp at the end of the mission, when it "
         f"succeeds {AFTER}"
     ]

@@ -163,7 +163,7 @@ def test_what_a_sub_tree_writes_reaches_its_user_as_far_as_it_is_written() -> No
     """
     assert lint(text % "Log: {message: not seen}", "P301", "P302") == [
         "P302 5:23 Main/Sequence/ForEach: port 'in': perhaps nothing has written 'items' yet "
-        "(Look, line 6, writes it, but may fail or be passed by)"
+        "(Look, line 6, writes it, but may fail or be skipped)"
     ]
     assert lint(text % 'SetBlackboard: {value: [], output_key: "{found}"}', "P301", "P302") == []
 
@@ -196,11 +196,11 @@ def test_a_sub_tree_keeps_its_own_keys_from_one_use_to_the_next() -> None:
 def test_an_output_that_nothing_reads() -> None:
     assert lint(main("Observe: {objects: '{items}'}")) == [
         "P303 4:28 Main/Sequence/Observe: objects: 'items' is written, and nothing in Main reads it "
-        "(an output that nobody needs is left out)"
+        "(leave out an output that no node needs)"
     ]
     assert lint(main("Log: {message: a, _onSuccess: 'n := 1'}")) == [
         "P303 4:39 Main/Sequence/Log: _onSuccess: 'n' is written, and nothing in Main reads it "
-        "(an output that nobody needs is left out)"
+        "(leave out an output that no node needs)"
     ]
 
 
@@ -232,7 +232,7 @@ def test_an_output_of_the_tree_is_read_outside() -> None:
     assert lint(text) == []
     assert lint(text.replace(', {Log: {message: a, value: "{x}"}}', "")) == [
         "P303 3:31 Main/Sequence/Look: found: 'x' is written, and nothing in Main reads it "
-        "(an output that nobody needs is left out)"
+        "(leave out an output that no node needs)"
     ]
 
 

@@ -8,7 +8,7 @@ from .linting import lint, main
 
 LOOK = "{Observe: {camera: overhead}}"
 HOLDS = "{Condition: {if: holding}}"
-BOUND = "(a number of cycles, a 'while', or a Timeout)"
+BOUND = "(give a number of cycles or a 'while', or add a Timeout)"
 
 
 def loops(node: str, rest: str = "") -> list[str]:
@@ -19,27 +19,30 @@ def loops(node: str, rest: str = "") -> list[str]:
 @pytest.mark.parametrize(
     ("node", "finding"),
     [
-        ("KeepRunningUntilFailure: {Log: {message: a}}", "P321 4:9 KeepRunningUntilFailure: it never ends: "
-         "Log cannot fail (a Repeat with 'num_cycles' or 'while')"),
-        ("KeepRunningUntilFailure: {ForceSuccess: OpenGripper}", "P321 4:9 KeepRunningUntilFailure: it "
-         "never ends: ForceSuccess cannot fail (a Repeat with 'num_cycles' or 'while')"),
+        ("KeepRunningUntilFailure: {Log: {message: a}}", "P321 4:9 KeepRunningUntilFailure: the loop "
+         "never ends: Log cannot fail (use a Repeat with 'num_cycles' or 'while')"),
+        ("KeepRunningUntilFailure: {ForceSuccess: OpenGripper}", "P321 4:9 KeepRunningUntilFailure: the loop "
+         "never ends: ForceSuccess cannot fail (use a Repeat with 'num_cycles' or 'while')"),
         (f"Repeat: {{num_cycles: -1, do: {LOOK}}}",
-         "P321 4:30 Repeat: it never ends: num_cycles is -1 and there is no 'while', and Observe cannot fail "
+         "P321 4:30 Repeat: the loop never ends: num_cycles is -1 and there is no 'while', and "
+         "Observe cannot fail "
          f"{BOUND}"),
         ("Repeat: {num_cycles: -1, do: {GoTo: {pose: home}}}",
-         "P321 4:30 Repeat: it ends only when GoTo fails: num_cycles is -1 and there is no 'while' "
+         "P321 4:30 Repeat: the loop ends only when GoTo fails: num_cycles is -1 and there is no 'while' "
          f"{BOUND}"),
         (f"Repeat: {{while: 'true', do: {LOOK}}}",
-         f"P321 4:25 Repeat: it never ends: 'while' always holds, and Observe cannot fail {BOUND}"),
+         f"P321 4:25 Repeat: the loop never ends: 'while' always holds, and Observe cannot fail {BOUND}"),
         ("RetryUntilSuccessful: {num_attempts: -1, do: {GoTo: {pose: home}}}",
-         "P321 4:46 RetryUntilSuccessful: num_attempts is -1: it ends only when its child succeeds (a "
-         "number of attempts, or a Timeout)"),
+         "P321 4:46 RetryUntilSuccessful: num_attempts is -1: the loop ends only when its child "
+         "succeeds (give a "
+         "number of attempts, or add a Timeout)"),
         ("RetryUntilSuccessful: {num_attempts: -1, do: {ForceFailure: {GoTo: {pose: home}}}}",
-         "P321 4:46 RetryUntilSuccessful: it never ends: num_attempts is -1, and ForceFailure never "
-         "succeeds (a number of attempts, or a Timeout)"),
+         "P321 4:46 RetryUntilSuccessful: the loop never ends: num_attempts is -1, and ForceFailure never "
+         "succeeds (give a number of attempts, or add a Timeout)"),
         ("Parallel: [{Delay: {delay_msec: 1 s, do: AlwaysSuccess}}, "
          "{Repeat: {num_cycles: -1, do: {Log: {message: a}}}}]",
-         "P321 4:89 Parallel/Repeat: it never ends: num_cycles is -1 and there is no 'while', and Log cannot "
+         "P321 4:89 Parallel/Repeat: the loop never ends: num_cycles is -1 and there is no "
+         "'while', and Log cannot "
          f"fail {BOUND}"),
     ],
 )  # fmt: skip
@@ -74,7 +77,8 @@ def test_a_loop_in_a_sub_tree_is_judged_where_the_sub_tree_stands() -> None:
     look = f"  Look: {{Repeat: {{num_cycles: -1, do: {LOOK}}}}}\n"
     assert loops("Timeout: {msec: 3 s, do: Look}", look) == []
     assert loops("Sequence: [{Timeout: {msec: 3 s, do: Look}}, Look]", look) == [
-        "P321 5:31 Look/Repeat: it never ends: num_cycles is -1 and there is no 'while', and Observe cannot "
+        "P321 5:31 Look/Repeat: the loop never ends: num_cycles is -1 and there is no 'while', and "
+        "Observe cannot "
         f"fail {BOUND}"
     ]
 
@@ -97,7 +101,7 @@ def test_a_while_that_nothing_in_the_loop_changes() -> None:
     log = "{Log: {message: a}}"
     assert loop("items_left", log) == [
         "P322 5:25 Repeat: nothing in Sequence changes 'items_left': once begun, the loop never ends "
-        "(a number of cycles besides)"
+        "(give a number of cycles, too)"
     ]
     assert len(loop("n < 3", log)) == len(loop("n < 3", f"{LOOK}")) == 1
     assert len(loop("n < 3", "{Show: {n: '{n}'}}")) == 1
@@ -109,8 +113,8 @@ def test_a_while_that_nothing_in_the_loop_changes() -> None:
 
 
 def test_what_is_tried_again_although_nothing_changes() -> None:
-    hint = "(something must act, or time pass, between two attempts)"
-    says = "trying again changes nothing: Condition answers alike each time"
+    hint = "(put a node that acts, or a Delay, between two attempts)"
+    says = "another attempt changes nothing: Condition gives the same result each time"
     assert loops(f"RetryUntilSuccessful: {{num_attempts: 9, do: {HOLDS}}}") == [
         f"P323 4:9 RetryUntilSuccessful: {says} {hint}"
     ]
@@ -165,8 +169,9 @@ def test_a_loop_that_an_item_keeps_going() -> None:
         return lint(PASSING % (bound, on_failure, tree), "P325")
 
     assert found("", "continue", "PickAndPlace") == [
-        "P325 5:14 Main/Repeat: ForEach passes over what fails, and 'items_left and not stopped' still "
-        "holds: an item that cannot be had keeps the loop going for ever (a number of cycles, or SetAside)"
+        "P325 5:14 Main/Repeat: ForEach passes over failed items, and 'items_left and not stopped' still "
+        "holds: an item that cannot be taken keeps the loop running for ever (give a number of cycles, "
+        "or use SetAside)"
     ]
     assert found("      num_cycles: 5\n", "continue", "PickAndPlace") == []
     assert found("", "fail", "PickAndPlace") == []

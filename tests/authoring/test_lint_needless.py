@@ -21,10 +21,12 @@ def found(node: str, *codes: str) -> list[str]:
         ("ForceFailure: AlwaysFailure",
          "4:9 ForceFailure: ForceFailure has no effect: AlwaysFailure never succeeds"),
         ("Timeout: {msec: 0, do: {GoTo: {pose: home}}}",
-         "4:25 Timeout: Timeout has no effect: a time of 0 is without limit"),
+         "4:25 Timeout: Timeout has no effect: a time of 0 means no limit"),
         ("Timeout: {msec: 5 s, do: {Condition: {if: holding}}}",
-         "4:9 Timeout: Timeout has no effect: Condition always ends at once"),
-        ("Delay: {delay_msec: 0, do: AlwaysSuccess}", "4:29 Delay: Delay has no effect: it waits no time"),
+         "4:9 Timeout: Timeout has no effect: Condition always ends in its first tick"),
+        ("Delay: {delay_msec: 0, do: AlwaysSuccess}", "4:29 Delay: Delay has no effect: a delay of 0 does "
+        "not "
+        "wait"),
         ("RetryUntilSuccessful: {num_attempts: 1, do: OpenGripper}",
          "4:46 RetryUntilSuccessful: RetryUntilSuccessful has no effect: one attempt is no retry"),
         ("RetryUntilSuccessful: {num_attempts: 5, do: {Log: {message: a}}}",
@@ -139,7 +141,7 @@ def test_a_library_is_there_for_others_to_use() -> None:
         "P342 3:74 trees.One.ports.left: nothing in the tree 'One' writes its output 'left'",
         "P301 7:34 One/Sequence/Log: port 'value': nothing has written 'nn' when it is read "
         "(did you mean 'n'?)",
-        "P320 8:36 Two/Sequence/Repeat: it is never reached: AlwaysFailure before it never succeeds",
+        "P320 8:36 Two/Sequence/Repeat: this node is never reached: AlwaysFailure before it never succeeds",
     ]
 
 

@@ -9,7 +9,7 @@ from .linting import lint, main
 
 def unreached(*nodes: str, rest: str = "") -> list[str]:
     found = [finding.replace("Main/Sequence/", "") for finding in lint(main(*nodes) + rest, "P320")]
-    return [finding.replace("it is never reached: ", "").split(" ", 2)[2] for finding in found]
+    return [finding.replace("this node is never reached: ", "").split(" ", 2)[2] for finding in found]
 
 
 LOG = "{Log: {message: a}}"
@@ -39,7 +39,7 @@ def test_what_follows_a_node_that_never_succeeds() -> None:
         (f"ForEach: {{in: [], do: {LOG}}}", "ForEach/Log: there is no element"),
         (f"Repeat: {{num_cycles: 3, while: 'false', do: {LOG}}}", "Repeat/Log: its while never holds"),
         (f"Repeat: {{num_cycles: 0, do: {LOG}}}", "Repeat/Log: num_cycles is 0"),
-        (f"Parallel: [AlwaysFailure, {LOG}]", "Parallel/Log: Parallel ends before it in the first tick"),
+        (f"Parallel: [AlwaysFailure, {LOG}]", "Parallel/Log: Parallel already ends in the first tick"),
         (f"Switch: {{variable: red, cases: {{red: AlwaysSuccess, blue: {LOG}}}}}",
          "Switch/Log: the value is always 'red'"),
         ("Log: {message: a, _skipIf: 'true'}", "Log: it never starts: its _skipIf always holds"),
@@ -47,7 +47,7 @@ def test_what_follows_a_node_that_never_succeeds() -> None:
         (f"Recover: {{do: {LOG}, otherwise: SafeRetreat}}", "Recover/SafeRetreat: Log never fails"),
         (f"RecoveryNode: [{LOG}, SafeRetreat]", "RecoveryNode/SafeRetreat: Log never fails"),
         (f"RecoveryNode: {{number_of_retries: 0, do: [OpenGripper, {LOG}]}}",
-         "RecoveryNode/Log: OpenGripper may run once only, so there is no run after it"),
+         "RecoveryNode/Log: OpenGripper may run only once, so no second run follows"),
         (f"TryCatch: [AlwaysSuccess, {LOG}]", "TryCatch/Log: no child before it fails"),
         (f"TryCatch: {{catch_on_halt: true, do: [AlwaysSuccess, {LOG}]}}",
          "TryCatch/Log: no child before it fails"),

@@ -331,7 +331,7 @@ def test_a_fault_of_the_program_fails_the_case() -> None:
     (told,) = said(case)
     assert told.startswith(
         "it: a fault of the program: AttributeError while Peek was ticked: in a rehearsal there is no "
-        "world.control: no robot stands behind it (rehearsing.py, line "
+        "world.control: no robot is simulated (rehearsing.py, line "
     )
     assert told.endswith(") (tick 1)")
 

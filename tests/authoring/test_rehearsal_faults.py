@@ -48,8 +48,8 @@ def faults(case: str) -> list[str]:
         ("Main/Recover/Look: SUCCESS", "P703 6:7: Main/Recover/Look: no node of the mission fits "
          "'Main/Recover/Look' ('Look' stands at Main/Sequence/Look)"),
         ("'/': SUCCESS", "P703 6:7: /: the pattern is empty (as SortOne/Grasp)"),
-        ("Recover: SUCCESS", "P704 6:7: Recover: 'Recover' is a node of the language (Recover), which "
-         "answers for itself (answer for the leaves below it, or set what it reads by 'facts' or 'objects'; "
+        ("Recover: SUCCESS", "P704 6:7: Recover: 'Recover' is a node of the language (Recover), for which "
+         "a case cannot give answers (answer for the leaves below it, or set what it reads by 'facts' or 'objects'; "
          "known: Look, Pick, Put, Go, Ready, Weigh)"),
         # Answers.
         ("Pick: 3", "P710 6:13: Pick: an answer is a status, a cause or a mapping, not 3 (as SUCCESS, or "
@@ -65,11 +65,11 @@ def faults(case: str) -> list[str]:
          "P710 6:43: Pick.status: an answer with a cause is a FAILURE, not SUCCESS"),
         ("Pick: {message: oh}", "P710 6:14: Pick.message: only a failure with a cause has a message"),
         ("Pick: {status: RUNNING, then: {hand: empty}}",
-         "P710 6:31: Pick.then: what never ends has no 'then'"),
+         "P710 6:31: Pick.then: an answer that never ends has no 'then'"),
         ("Pick: FAILURE", "P710 6:13: Pick.status: Pick is a skill, which fails for a cause (one of "
          "grasp.missed, grasp.slipped, safety.*)"),
         ("Pick: [SUCCESS, SKIPPED]", "P710 6:23: Pick[1].status: Pick is a skill, which does not skip "
-         "itself (it is skipped by its '_skipIf' or '_while', which is asked in a rehearsal, too)"),
+         "itself (only its '_skipIf' or '_while' can skip it; a rehearsal checks them, too)"),
         ("Ready: RUNNING", "P710 6:14: Ready.status: Ready is a condition: it is never RUNNING"),
         ("Ready: {ticks: 2}", "P710 6:22: Ready.ticks: Ready is a condition: it takes no ticks"),
         # Causes.
@@ -126,8 +126,8 @@ def test_a_pattern_after_others_that_fit_all_that_it_fits() -> None:
     case = f"leaves:\n  '*': {{outputs: {{}}}}\n  Pick: SUCCESS\n  {WEIGHED}\nexpect: {{status: SUCCESS}}"
     found = [fault for fault in faults(case) if fault.startswith("P716")]
     assert found == [
-        "P716 7:7: Pick: 'Pick' is never used: patterns before it fit all that it fits (put it first)",
-        "P716 8:7: Weigh: 'Weigh' is never used: patterns before it fit all that it fits (put it first)",
+        "P716 7:7: Pick: 'Pick' is never used: earlier patterns fit all nodes that it fits (put it first)",
+        "P716 8:7: Weigh: 'Weigh' is never used: earlier patterns fit all nodes that it fits (put it first)",
     ]
 
 
@@ -165,13 +165,15 @@ def test_the_world_of_a_case(line: str, fault: str) -> None:
          "P714 5:38: cause: a mission that ends in SUCCESS has no cause"),
         ("{cause: grasp.gone}",
          "P705 5:21: cause: no cause is called 'grasp.gone' (did you mean 'grasp.double'?)"),
-        ("{status: RUNNING}", "P714 5:22: status: RUNNING needs 'ticks': after how many it must still run"),
+        ("{status: RUNNING}", "P714 5:22: status: RUNNING needs 'ticks', the number of ticks after which the "
+        "mission "
+        "still runs"),
         ("{status: IDLE}",
          "P714 5:22: status: a mission is IDLE only when it was halted (say so with 'halt_after')"),
         ("{order: [Pick, Puts]}",
          "P703 5:28: order[1]: no node of the mission fits 'Puts' (did you mean 'Put'?)"),
-        ("{order: [Recover]}", "P704 5:22: order[0]: 'Recover' is a node of the language (Recover), which "
-         "answers for itself (leave it out: 'order' lists skills and conditions; 'handled' and 'never' name "
+        ("{order: [Recover]}", "P704 5:22: order[0]: 'Recover' is a node of the language (Recover), for which "
+         "a case cannot give answers (leave it out: 'order' lists skills and conditions; 'handled' and 'never' name "
          "any node; known: Look, Pick, Put, Go, Ready, Weigh)"),
         ("{order: [{Pick: missed}]}", "P714 5:29: order[0].Pick: 'missed' is neither an outcome nor a cause "
          "(did you mean 'grasp.missed'?)"),
@@ -198,7 +200,7 @@ def test_expectations(expect: str, fault: str) -> None:
 
 def test_a_halted_mission_may_not_take_less_ticks_than_it_is_given() -> None:
     assert faults(f"halt_after: 9\nexpect: {{ticks: 3}}\nleaves: {{{WEIGHED}}}") == [
-        "P714 6:21: ticks: the mission is halted after 9 ticks, which is more"
+        "P714 6:21: ticks: the mission is halted only after 9 ticks, later than that"
     ]
 
 
@@ -254,7 +256,7 @@ def test_faults_of_form_and_of_names_come_in_one_round() -> None:
 def test_a_file_without_cases(cases: str) -> None:
     found = faults_of(cases, mission_of("Main: {Go: {}}"))
     assert [one.split(" ", 1)[0] for one in found] == ["P701"]
-    assert found[0].endswith("the file has no cases ('cases:' holds them by name)")
+    assert found[0].endswith("the file has no cases (add 'cases:' with a name for each case)")
 
 
 def test_an_object_that_appears_on_the_way_is_known() -> None:
@@ -280,7 +282,7 @@ def test_what_may_go_wrong_depends_on_the_wiring() -> None:
 def test_more_cases_than_anybody_reads() -> None:
     text = "cases:\n" + "".join(f"  c{n}: {{expect: {{ticks: 1}}}}\n" for n in range(501))
     assert faults_of(text, mission_of("Main: {Go: {}}")) == [
-        "P110 3:1: cases: at most 500 cases are wanted in a file, not 501"
+        "P110 3:1: cases: a file may have at most 500 cases, not 501"
     ]
 
 

@@ -222,8 +222,8 @@ REFUSED = {
         "P924 mission.yaml:1:1: <Log>: no XML file can hold the character U+0007 (leave it out)"
     ],
     " Main: {Repeat: {num_cycles: 3000000000, do: AlwaysSuccess}}": [
-        "P923 mission.yaml:4:30: Main/Repeat: port 'num_cycles': BehaviorTree.CPP counts with 32 bits, "
-        "not to 3000000000"
+        "P923 mission.yaml:4:30: Main/Repeat: port 'num_cycles': BehaviorTree.CPP counts with 32 bits; "
+        "3000000000 is too large"
     ],
     " Main: {Sub: {s: '3'}}\n"
     " Sub: {ports: {s: string}, Switch: {variable: '{s}', cases: {a: AlwaysSuccess}}}": [
@@ -237,15 +237,15 @@ REFUSED = {
     ],
     " Main: {Take: {object: a, force: '{= 3 * 2}'}}": [
         "P929 mission.yaml:4:34: Main/Take: port 'force': BehaviorTree.CPP has no expressions as values of "
-        'ports (set a key before, as "{force}" by SetBlackboard, and give the key)'
+        'ports (set a key with SetBlackboard before this node, and give "{force}" here)'
     ],
     " Main: {SetBlackboard: {value: '{= [1, 2][0]}', output_key: '{n}'}}": [
         "P929 mission.yaml:4:32: Main/SetBlackboard: port 'value': BehaviorTree.CPP has no expressions as "
-        'values of ports (set a key before, as "{value}" by SetBlackboard, and give the key)'
+        'values of ports (set a key with SetBlackboard before this node, and give "{value}" here)'
     ],
     " Main: {Sub: {s: '{= 3}'}}\n Sub: {ports: {s: int}, Repeat: {num_cycles: '{s}', do: AlwaysSuccess}}": [
         "P929 mission.yaml:4:18: Main/Sub: port 's': BehaviorTree.CPP has no expressions as values of ports "
-        '(set a key before, as "{s}" by SetBlackboard, and give the key)'
+        '(set a key with SetBlackboard before this node, and give "{s}" here)'
     ],
 }
 

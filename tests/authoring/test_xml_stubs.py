@@ -128,7 +128,7 @@ def test_a_tree_that_no_file_has_is_a_node() -> None:
     found = convert_all([XmlText(xml, Path("tree.xml"))], ImportOptions(stubs="nodes.py"))
     assert '- Look_around: {to: "{pose}"}' in found.text
     assert "to: Out[object]" in found.stubs
-    assert found.notes[0].message == "there is no tree 'Look around'; it is a node here"
+    assert found.notes[0].message == "there is no tree 'Look around'; the name is taken for a node"
 
 
 def test_texts_that_a_node_fills_in_and_nodes_that_only_share_a_name(tmp_path: Path) -> None:

@@ -101,7 +101,7 @@ def test_a_record_that_is_no_plan(tmp_path: Path, text: str, fault: str) -> None
     (tmp_path / PLAN_FILE).write_text(text)
     with pytest.raises(PicktreeError) as raised:
         read_plan(tmp_path)
-    assert str(raised.value) == f"{tmp_path / PLAN_FILE}: no plan of a batch{fault}"
+    assert str(raised.value) == f"{tmp_path / PLAN_FILE}: not a valid plan of a batch{fault}"
 
 
 def test_a_plan_file_says_all_of_it(tmp_path: Path) -> None:
@@ -148,10 +148,11 @@ def test_a_plan_tries_robots_and_refuses_those_that_are_none(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("line", "fault"),
     [
-        ("seeds: 4:4", "4:8: seeds: seeds '4:4': '4:4' holds no seed: write 0:100 (half open), 3,7 or both"),
+        ("seeds: 4:4", "4:8: seeds: seeds '4:4': the range '4:4' is empty: write 0:100 (half open), 3,7 or "
+        "both"),
         ("set: {Grasp.forse: 3}", "5:7: set.Grasp.forse: Grasp.forse: Grasp has no input 'forse' "
          "(did you mean 'force'?)"),
-        ("memory: 2", "5:9: memory: 2 is no amount of memory (as 2 GB)"),
+        ("memory: 2", "5:9: memory: 2 is not an amount of memory (as 2 GB)"),
     ],
 )  # fmt: skip
 def test_a_faulty_plan_is_refused_before_anything_runs(tmp_path: Path, line: str, fault: str) -> None:

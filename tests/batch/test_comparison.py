@@ -73,15 +73,15 @@ def test_two_recipes_are_compared_on_the_same_seeds(tmp_path: Path) -> None:
         "seconds a pick             5.00     5.30  +0.30 (+0.10 … +0.60)          0.250   0.250",
         "goal by seed: both 3, only A 7, only B 0, neither 0",
         "",
-        "so: too few runs to tell: 7 of the 7 seeds that changed sides are A's, and 7 cannot reach 5 % with "
-        "5 criteria; 8 could, which takes about 12 seeds",
+        "so: too few runs to tell: only A reached its goal with 7 of the 7 seeds that changed sides; 7 such "
+        "seeds cannot give a p value of 5 % with 5 criteria; 8 can, for which about 12 seeds must be run",
         "",
         "failures by cause             A        B  B − A, 95 % interval               p    Holm",
         "grasp.slipped              0.00     0.70  +0.70 (+0.40 … +0.90)          0.016   0.016 *",
         "",
         "7 seeds changed sides",
-        *(f"  seed {n}: A alone reached its goal" for n in range(7)),
-        "of 7 a log was not kept: --remake runs them again and says where they part",
+        *(f"  seed {n}: only A reached its goal" for n in range(7)),
+        "seeds without a log: 7; --remake runs them again and shows where they diverge",
     ]
 
 
@@ -104,12 +104,12 @@ def test_six_to_nothing_is_too_few_to_tell_and_not_no_difference(tmp_path: Path)
         store(tmp_path / "b", dict.fromkeys(range(6), MISSED)),
     ):
         told = text_of(compare(str(tmp_path / "a"), str(tmp_path / "b")))
-    assert "no difference" not in told
+    assert "no significant difference" not in told
     assert (
-        "so: too few runs to tell: 6 of the 6 seeds that changed sides are A's, and 6 cannot reach 5 %"
-        in told
+        "so: too few runs to tell: only A reached its goal with 6 of the 6 seeds that changed sides; 6 such "
+        "seeds cannot give a p value of 5 %" in told
     )
-    assert "8 could, which takes about 8 seeds" in told
+    assert "8 can, for which about 8 seeds must be run" in told
 
 
 def test_alike_recipes_do_not_differ(tmp_path: Path) -> None:
@@ -120,7 +120,7 @@ def test_alike_recipes_do_not_differ(tmp_path: Path) -> None:
         found = compare(str(tmp_path / "a"), str(tmp_path / "b"))
     assert found.paired is not None
     assert (found.paired.total, found.alone, found.differ) == (9, 1, False)
-    assert "paired by seed: 9 seeds in both; 1 in one alone are left out" in text_of(found)
+    assert "paired by seed: 9 seeds in both; left out: 1 that only A or only B has" in text_of(found)
     json.loads(json_text_of(found))
 
 
@@ -133,7 +133,7 @@ def test_without_shared_seeds_jobs_are_taken_as_independent() -> None:
     assert criterion(found, "goal").better == "A"
     assert found.causes[0].cause == "grasp.slipped" and found.causes[0].adjusted < 0.05
     told = text_of(found)
-    assert "not paired: 40 and 40 jobs, 5 seeds in both; they are compared as independent runs" in told
+    assert "not paired: 40 and 40 jobs, 5 seeds in both; all are compared as independent runs" in told
     assert "goal by seed" not in told
 
 
@@ -185,7 +185,7 @@ def test_jobs_of_other_arithmetic_are_told_of() -> None:
     sample = np.random.default_rng(1)
     a = replace(recipe("A", range(5), sample), arithmetics=(here,))
     b = replace(recipe("B", range(5), sample), arithmetics=(there,))
-    said = "recorded with other arithmetic (glibc 2.36, in B 2.41): the runs may part"
+    said = "recorded with other arithmetic (glibc 2.36, in B 2.41): the runs may diverge"
     assert text_of(compare_recipes(a, b)).splitlines()[3] == said
     assert json.loads(json_text_of(compare_recipes(a, b)))["arithmetic"] == said
     assert compare_recipes(a, replace(b, arithmetics=(here,))).arithmetic == ""

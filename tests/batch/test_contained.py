@@ -27,18 +27,18 @@ ENDS = {
     10: "with open(HERE / 'elsewhere', 'wb') as file:\n    while True: file.write(b'x' * 10**7)",
 }
 """What a job does by its seed. 11 goes on for ever, 0 and 12 do nothing."""
-OUTSIDE = "which came from outside: by hand, or for want of memory on the machine"
+OUTSIDE = "the signal came from outside: a person sent it, or the machine ran out of memory"
 FOUND = {
     0: ("success", "", 1),
     1: ("crashed", "its process was ended by SIGSEGV, at trouble.py:24 in trouble_1", 2),
     2: ("crashed", "its process was ended by SIGABRT, at trouble.py:27 in trouble_2", 2),
     3: ("crashed", "its process ended with exit code 7", 2),
     4: ("crashed", "it called sys.exit(3)", 2),
-    5: ("crashed", "it was interrupted, by itself or from outside", 2),
+    5: ("crashed", "the job was interrupted, by its own code or from outside", 2),
     6: ("failure", "ValueError while Trouble was ticked: no such luck (trouble.py, line 39)", 1),
-    7: ("crashed", f"its process was ended by SIGKILL, {OUTSIDE}", 2),
-    8: ("crashed", "it took more than 700 MB of memory, at trouble.py:45 in trouble_8", 2),
-    9: ("crashed", "it wrote more than 50 MB to the disk, at trouble.py:48 in trouble_9", 2),
+    7: ("crashed", f"its process was ended by SIGKILL; {OUTSIDE}", 2),
+    8: ("crashed", "the job took more than 700 MB of memory, at trouble.py:45 in trouble_8", 2),
+    9: ("crashed", "the job wrote more than 50 MB to the disk, at trouble.py:48 in trouble_9", 2),
     10: ("failure", "OSError while Trouble was ticked: [Errno 27] File too large (trouble.py, line 52)", 1),
     11: ("timeout", "", 1),
     12: ("success", "", 1),
@@ -89,7 +89,7 @@ def test_a_job_that_hangs_is_ended_and_says_where(tmp_path: Path, worker: Execut
     with Batch.create(tmp_path / "batch", asked) as batch:
         assert batch.run(worker, seen)
     (row,) = [ended.row for ended in seen.ends]
-    reason = "it took more than 10 s of wall time, at trouble.py:26 in trouble_1"
+    reason = "the job took more than 10 s of wall time, at trouble.py:26 in trouble_1"
     assert (seen.again, row.status, row.attempts) == ([reason], "success", 2)
 
 

@@ -85,7 +85,7 @@ def test_a_rejected_item_is_done_in_every_output(tmp_path: Path, worker: Executo
             assert (handling.handler, handling.ran, handling.ended) == ("weigh.heavy", by, "SUCCESS")
             assert failure.seconds_lost == 0.0
             assert f"weigh.heavy  {count} seen, {count} done instead ({by})" in result.to_text()
-            assert "did that instead of the branch, as the mission asks." in " ".join(text.split())
+            assert "ran this handler instead of the branch, as the mission asks." in " ".join(text.split())
         rejected += count
     assert rejected > 0
     runs = explain_runs(folder)

@@ -93,4 +93,4 @@ def test_it_is_typed_so(results: Store, tmp_path: Path, capsys: pytest.CaptureFi
     said = json.loads(capsys.readouterr().out)
     assert (said["to"], said["output"], said["tables"]["items"]) == ("csv", str(out), 2)
     assert answer(["batch", "export", str(tmp_path), "--to", "csv", "-o", str(out)]) == 2
-    assert capsys.readouterr().err == f"{tmp_path}: no batch: there is no results.sqlite in it\n"
+    assert capsys.readouterr().err == f"{tmp_path}: not a batch: there is no results.sqlite in this folder\n"

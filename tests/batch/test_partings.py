@@ -45,9 +45,9 @@ def test_logs_that_were_not_kept_are_asked_for(
 ) -> None:
     told = compared(failures_kept, capfd).splitlines()
     assert told[-3:] == [
-        "  seed 0: A alone reached its goal",
-        "  seed 1: A alone reached its goal",
-        "of 2 a log was not kept: --remake runs them again and says where they part",
+        "  seed 0: only A reached its goal",
+        "  seed 1: only A reached its goal",
+        "seeds without a log: 2; --remake runs them again and shows where they diverge",
     ]
 
 
@@ -59,7 +59,7 @@ def test_logs_are_made_again_for_the_first_of_them_and_dropped(
     told = compared(failures_kept, capfd, "--remake", "--partings", "1", "--json")
     first, second = json.loads(told)["changed"]
     assert re.fullmatch(
-        r"they part at tick \d+, \d+\.\d\d s: Grasp \(.+\) ends otherwise: "
+        r"the runs diverge at tick \d+, \d+\.\d\d s: Grasp \(.+\) ends differently: "
         r"A SUCCESS after \d+\.\d\d s, B grasp\.\w+ after \d+\.\d\d s",
         first["parting"],
     ), first["parting"]
@@ -73,7 +73,7 @@ def test_logs_that_are_there_are_compared_as_they_are(
     batch = Path(shutil.copytree(failures_kept, tmp_path / "batch"))
     assert rerun_job(f"{batch}@no faults,seed=1", executor=worker).identical
     told = compared(batch, capfd).splitlines()
-    assert told[-4] == "  seed 0: A alone reached its goal"
-    assert re.match(r"  seed 1: A alone reached its goal; they part at tick \d+, ", told[-3])
+    assert told[-4] == "  seed 0: only A reached its goal"
+    assert re.match(r"  seed 1: only A reached its goal; the runs diverge at tick \d+, ", told[-3])
     assert re.match(r"    \S.* diff .*/batch/jobs/.* .*/batch/jobs/", told[-2])
-    assert told[-1].startswith("of 1 a log was not kept: ")
+    assert told[-1].startswith("seeds without a log: 1; ")

@@ -193,7 +193,7 @@ def test_a_node_with_another_picktree_is_refused(
     monkeypatch.setattr(ray_executor, "installed", lambda: edited)
     with pytest.raises(PicktreeError) as refused:
         RayExecutor(address=cluster)
-    assert re.fullmatch(r"the node [\d.]+: its picktree is another: skills/grasp\.py", str(refused.value))
+    assert re.fullmatch(r"the node [\d.]+: its picktree differs in skills/grasp\.py", str(refused.value))
     assert two.slots == 2
 
 
@@ -228,13 +228,13 @@ def test_what_sets_two_machines_apart_is_said() -> None:
     assert difference(here, here) == ""
     assert difference(here, there) == "it has numpy 2.3.0, here 2.4.6; python missing, here 3.11"
     same = replace(there, versions=here.versions)
-    assert difference(here, same) == "its picktree is another: skills/grasp.py, world/clock.py"
+    assert difference(here, same) == "its picktree differs in skills/grasp.py, world/clock.py"
 
 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--address", "auto"], "--address is of a Ray cluster: add --executor ray"),
+        (["--address", "auto"], "--address names a Ray cluster: add --executor ray"),
         (["--executor", "ray", "--address", "127.0.0.1:9"],
          "no Ray cluster answers at 127.0.0.1:9: connection refused"),
         (["--executor", "ray", "--address", "ray://head:10001"],

@@ -152,7 +152,9 @@ def test_a_recipe_that_is_damaged_is_not_run(batch: Path, worker: Executor) -> N
     recipe.write_bytes(recipe.read_bytes()[:-200])
     with pytest.raises(PicktreeError) as refused:
         rerun_job(f"{batch}@15 N,seed=3", executor=worker)
-    assert str(refused.value) == (f"{batch}@15 N,seed=3: {recipe}: no recipe of a batch, or a damaged one")
+    assert str(refused.value) == (
+        f"{batch}@15 N,seed=3: {recipe}: not a recipe of a batch, or a damaged recipe"
+    )
 
 
 def test_a_job_that_crashed_shows_how_it_crashes_in_a_folder_of_its_own(

@@ -98,8 +98,8 @@ def test_seeds_are_half_open_ranges_and_numbers(text: str, seeds: tuple[int, ...
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "seeds '': '' is no seed; write 0:100 (half open), 3,7 or both"),
-        ("4:4", "seeds '4:4': '4:4' holds no seed: write 0:100 (half open), 3,7 or both"),
+        ("", "seeds '': '' is not a seed; write 0:100 (half open), 3,7 or both"),
+        ("4:4", "seeds '4:4': the range '4:4' is empty: write 0:100 (half open), 3,7 or both"),
         ("-1:3", "seeds '-1:3': a seed is 0 or more, and at most 2147483647"),
         ("0:1000000", "seeds '0:1000000': more than 100000 seeds"),
     ],

@@ -71,13 +71,13 @@ def test_a_crashed_job_is_recorded_again_when_it_was_run(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("sql", "message"),
     [
-        ("DELETE FROM jobs", "it would change the results; a query only reads them"),
+        ("DELETE FROM jobs", "the query would change the results; a query may only read them"),
         ("SELECT * FROM job", "no such table: job (did you mean 'jobs'?)"),
         ("SELECT sucess FROM success", "no such column: sucess"),
         ("SELECT jobs.sed FROM jobs", "no such column: jobs.sed (did you mean 'seed'?)"),
         ("SELEC 1", 'near "SELEC": syntax error'),
         ("SELECT 1; SELECT 2", "You can only execute one statement at a time."),
-        ("", "it is no SELECT"),
+        ("", "it is not a SELECT"),
     ],
 )
 def test_a_query_that_is_none_is_refused_and_changes_nothing(tmp_path: Path, sql: str, message: str) -> None:

@@ -129,7 +129,7 @@ def test_results_that_cannot_be_written_are_one_error_and_resume_takes_in_what_i
             batch.run(worker, Remembering())
         assert str(caught.value) == (
             f"{folder}/results.sqlite: the results cannot be written: disk I/O error; "
-            f"nothing that was recorded is lost: mend that, and continue with --resume {folder}"
+            f"nothing that was recorded is lost: mend the cause, and continue with --resume {folder}"
         )
         assert batch.store.query("SELECT count(*) FROM jobs WHERE status <> 'waiting'").rows == ((0,),)
     assert len(list(folder.glob("jobs/*/rows.json"))) == 1
@@ -166,7 +166,7 @@ def test_a_batch_whose_creation_was_cut_short_is_created_by_resume_or_anew(
         Batch.create(folder, plan)
     monkeypatch.undo()
     if at == "before the plan":
-        with pytest.raises(PicktreeError, match=r"no batch: there is no plan\.json in it"):
+        with pytest.raises(PicktreeError, match=r"not a batch: there is no plan\.json in this folder"):
             Batch.resume(folder)
         made = Batch.create(folder, plan)
     else:

@@ -52,7 +52,7 @@ def test_who_says_that_the_log_does_not_tell_is_not_wrong(program: Program) -> N
     unsure["causes"][0]["confidence"] = "the log does not tell"
     assert gone.judge(unsure) == "does not tell"
     repeating = told(("grasp.missed", "Grasp failed"))
-    repeating["causes"][0]["reasons"] = ["nothing else in the log tells where it came from"]
+    repeating["causes"][0]["reasons"] = ["nothing else in the log shows the cause"]
     assert gone.judge(repeating) == "does not tell"
     repeating["causes"][0]["cause"] = "item.gone"
     assert gone.judge(repeating) == "right"

@@ -159,10 +159,10 @@ def nut(mesh: str) -> str:
     [
         ("robot: /dev/zero/x.yaml", "P401 there is no robot file /dev/zero/x.yaml"),
         ("robot: pipe.yaml", "P401 there is no robot file {here}/pipe.yaml"),
-        ('robot: "a\\0.yaml"', "P401 'a\\x00.yaml' is no name of a robot"),
+        ('robot: "a\\0.yaml"', "P401 'a\\x00.yaml' is not the name of a robot"),
         ("base: pipe.yaml", "P402 there is no scene file {here}/pipe.yaml"),
         (nut("pipe.stl"), "P409 {here}/pipe.stl: this is a pipe, not a file"),
-        (nut("/etc/passwd"), "P409 passwd is no mesh file that is read here"),
+        (nut("/etc/passwd"), "P409 passwd is not a mesh file of a known format"),
         (nut("large.obj"), "P409 {here}/large.obj: the file is larger than 1 MB"),
         (nut("noise.stl"), "P409 the mesh file is damaged, or of another format than its name says"),
     ],

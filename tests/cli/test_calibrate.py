@@ -49,8 +49,8 @@ def test_it_says_what_was_off_and_where_it_is_written(done: Done) -> None:
     assert done.code == 0
     lines = done.out.splitlines()
     assert [line.split()[0] for line in lines if not line.startswith(" ")][:2] == ["wrist", "overhead"]
-    assert "            from 4 views; left over " in done.out
-    assert "its turn is not felt by the tips" in done.out
+    assert "            from 4 views; residual " in done.out
+    assert "touching does not measure the tool's rotation" in done.out
     assert "written     cell_calibrated.yaml" in lines
 
 
@@ -88,7 +88,7 @@ def test_a_file_that_exists_is_not_written_over_by_itself(
     assert (done.folder / "cell_calibrated.yaml").read_text() == before
     assert answer(["calibrate", "--scene", "cell.yaml", "-o", "cell.yaml", "--replace"]) == 2
     assert capsys.readouterr().err == (
-        "-o cell.yaml is the scene itself, on which the new file is laid; name another\n"
+        "-o cell.yaml is the scene itself, which the new file needs as its base; name another file\n"
     )
 
 

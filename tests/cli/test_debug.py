@@ -145,7 +145,7 @@ ANSWERS = {
     "delete 7": "there is no breakpoint 7; `break` lists them",
     "print": "print what? An expression, as 'items_left and not holding'",
     "print 1 +": "not an expression",
-    "help next": "next  to the next start or end of a node",
+    "help next": "next  continue to the next start or end of a node",
     "break Take after": f"2: after {PART}/Fallback/Take",
     "b Take before": f"2: before {PART}/Fallback/Take",
 }  # fmt: skip

@@ -148,10 +148,10 @@ def test_three_hundred_failures_are_told_in_groups(tmp_path: Path, capfd: pytest
     assert "Failures (300: 300 passed over)" in text
     told = text.partition("Failures (")[2].partition("Look at")[0]
     assert told.count("Grasp of red_ball_") == 12
-    assert text.count(" more like it, at ") == 12
+    assert text.count(" more failures of the same kind, at ") == 12
     assert "… 144 more failures of 12 other kinds" in text
-    assert "… 17 more root causes that cost less (--all)" in text
-    assert "--all tells each failure by itself." in text
+    assert "… 17 more root causes with lower costs (--all)" in text
+    assert "--all describes each failure separately." in text
     assert len(text.splitlines()) < 150
     assert answer(["explain", str(log), "--all"]) == 0
     whole = capfd.readouterr().out

@@ -33,7 +33,7 @@ def test_a_named_pose(capfd: pytest.CaptureFixture[str]) -> None:
     lines = out.splitlines()
     assert lines[:3] == [
         "to observe, from home",
-        "scene sort_small, robot panda, seed 0; everything is believed where it is",
+        "scene sort_small, robot panda, seed 0; the belief has everything at its true place",
         "",
     ]
     assert [line.split("  ")[0] for line in lines[3:]] == [
@@ -92,7 +92,7 @@ def test_the_same_for_another_arm(capfd: pytest.CaptureFixture[str]) -> None:
         (("--to", "home", "--from", "1,2"), "--from 1,2: 2 numbers; the arm has 7 joints"),
         (
             ("--to", "home", "--from", "away"),
-            "--from away: no pose of the robot; known: home, observe, rest;",
+            "--from away: not a pose of the robot; known: home, observe, rest;",
         ),
         (("--to", "home", "--clearance", "-1mm"), "a clearance of -1 mm: it must not be negative"),
         (("--to", "home", "--upright", "10 mm"), "--upright 10 mm: "),

@@ -128,7 +128,7 @@ ANSWERS = {
     "to Grasp": "to Grasp: write a time in seconds, as `to 12.5`, or `to end`",
     "blackboard": "nothing is written yet",
     "belief zzz": "no object is called 'zzz'",
-    "help previous": "previous [N]  a tick back, or N",
+    "help previous": "previous [N]  go one tick back, or N ticks",
 }
 
 

@@ -46,7 +46,7 @@ OTHER = replace(
         40, 2.0, "/bt/tick", "", False, "nodes[3].status", GRASP, "SUCCESS", "FAILURE"
     ),
     reasons=(
-        Reason("recorded with other arithmetic (glibc 2.36, here 2.41): the runs may part", "", ""),
+        Reason("recorded with other arithmetic (glibc 2.36, here 2.41): the runs may diverge", "", ""),
         Reason("mcap", "1.3.0", "1.6.0"),
     ),
 )
@@ -101,16 +101,16 @@ def test_a_difference_with_its_likely_reason(
         "different from tick 40 on, 2.00 s: /bt/tick nodes[3].status (Main/Sequence/Grasp)\n"
         "  recorded  SUCCESS\n"
         "  now       FAILURE\n"
-        "the 40 ticks before are the same\n"
-        "likely why  recorded with other arithmetic (glibc 2.36, here 2.41): the runs may part\n"
+        "the 40 earlier ticks are the same\n"
+        "likely why  recorded with other arithmetic (glibc 2.36, here 2.41): the runs may diverge\n"
         "            mcap: 1.3.0 then, 1.6.0 now\n"
     )
 
 
 @pytest.mark.parametrize(
     ("missing", "words", "where"),
-    [("a", "there is such a message only now", "recorded"),
-     ("b", "there is such a message only recorded", "now")],
+    [("a", "only the new run has this message", "recorded"),
+     ("b", "only the recorded run has this message", "now")],
 )  # fmt: skip
 def test_a_missing_message_is_told_by_its_side(
     missing: Any, words: str, where: str, asked: Callable[..., Any], capfd: pytest.CaptureFixture[str]
@@ -128,7 +128,7 @@ def test_a_difference_without_any_reason(
     asked(replace(OTHER, reasons=()))
     assert answer(["resim", "last"]) == 1
     assert capfd.readouterr().out.endswith(
-        "likely why  nothing in the log is otherwise: not picktree, its libraries, the arithmetic.\n"
+        "likely why  unknown: picktree, its libraries and the arithmetic are those of the log.\n"
         "            Possible causes: a clock, the order of a set or a global generator in a\n"
         "            plug-in, or a fault of picktree\n"
     )
@@ -156,7 +156,7 @@ def test_something_changed(asked: Callable[..., Any], capfd: pytest.CaptureFixtu
             changes=("set rounds: 2",),
             reasons=(),
             outcomes=(OUTCOME, replace(OUTCOME, status="incomplete", items_sorted=3, failures={})),
-            parting=("they part at 2.00 s: Grasp ends otherwise",),
+            parting=("the runs diverge at 2.00 s: Grasp ends differently",),
             warnings="other.yaml:1:1: warning P310: mind this",
             kept=Path("/out/one/log.mcap"),
         )
@@ -170,7 +170,7 @@ def test_something_changed(asked: Callable[..., Any], capfd: pytest.CaptureFixtu
         "different from tick 40 on, 2.00 s: /bt/tick nodes[3].status (Main/Sequence/Grasp)\n"
         "  recorded  SUCCESS\n"
         "  now       FAILURE\n"
-        "the 40 ticks before are the same\n"
+        "the 40 earlier ticks are the same\n"
         "\n"
         "                         recorded  now\n"
         "status                   success   incomplete\n"
@@ -181,7 +181,7 @@ def test_something_changed(asked: Callable[..., Any], capfd: pytest.CaptureFixtu
         "handler runs             1         1\n"
         "failures                 1         0\n"
         "  grasp.missed           1         0\n"
-        "they part at 2.00 s: Grasp ends otherwise\n"
+        "the runs diverge at 2.00 s: Grasp ends differently\n"
         "new log     /out/one/log.mcap\n"
     )
     changes = RunChanges(Path("other.yaml"), "s", {"rounds": "2"}, None, True, 4)

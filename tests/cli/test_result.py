@@ -131,6 +131,6 @@ def test_crushed_items_are_told(result: RunResult) -> None:
     )
     told = replace(result, crushed=crushed)
     assert [line for line in told.to_text().splitlines() if "pressed" in line] == [
-        "crushed     item_03, a red can: a finger pressed with 65 N, and it bears 60 N",
-        "            item_05, a blue egg: a finger pressed with 9 N, and it bears 6 N",
+        "crushed     item_03, a red can: a finger pressed with 65 N, and the item withstands 60 N",
+        "            item_05, a blue egg: a finger pressed with 9 N, and the item withstands 6 N",
     ]

@@ -85,7 +85,7 @@ def test_a_proposal_is_the_same_each_time_and_says_where_things_come_from(tmp_pa
     assert first.text == second.text
     found = [(f.link, f.kind) for f in first.draft.findings]
     assert found == [("link2", "impossible"), ("link3", "impossible")]
-    assert "# Angles: the URDF's limits less 2.0 deg." in first.text
+    assert "# Angles: the URDF's limits, each moved inwards by 2.0 deg." in first.text
     assert "# Never in collision in any sample." in first.text
     gripper, shipped = first.robot.gripper, load_robot("xarm6").gripper
     assert gripper.linkage is not None

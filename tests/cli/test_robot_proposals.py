@@ -101,7 +101,11 @@ BULKY = (('"0.08 0.06 0.36"', '"0.08 0.06 1.2"'), ('"0.07 0.07 0.12"', '"1.2 1.2
 @pytest.mark.parametrize(
     ("edits", "told"),
     [
-        (BURIED, "l2 and the table touch in 63 % of them, at best 1850 mm in each other"),
+        (
+            BURIED,
+            "l2 and the table touch in 63 % of the random poses; in the best of these they are "
+            "1850 mm in each other",
+        ),
         (BULKY, "l3 and l6 touch in "),
     ],
     ids=["under the table", "in itself"],
@@ -126,10 +130,10 @@ def test_torques_that_no_motor_has_are_guessed(effort: str, proposed: Proposed) 
     model = RobotModel(made.robot)
     for k, limit in enumerate(made.draft.limits):
         assert limit.guess == (
-            f"{limit.torque:g} Nm are a guess from gravity and inertia, for the URDF's effort of "
-            f"{float(effort):g} Nm: see the data sheet"
+            f"{limit.torque:g} Nm are a guess from gravity and inertia, because the URDF's effort of "
+            f"{float(effort):g} Nm is implausible: see the data sheet"
         )
-        assert f"# the URDF's limits less 2.0 deg; torque: {limit.guess}" in made.text
+        assert f"# the URDF's limits, each moved inwards by 2.0 deg; torque: {limit.guess}" in made.text
         # It carries the arm and takes each joint to its speed in 0.3 s.
         assert limit.acceleration == pytest.approx(limit.velocity / 0.3, rel=0.02)
         q = np.array([0.0, 1.5, 0.0, 0.0, 0.0, 0.0])
@@ -164,7 +168,10 @@ def test_inertias_that_a_urdf_lacks_are_those_of_hulls(moments: int, proposed: P
     assert made.draft.inertias["pad"].moments == pytest.approx((1 / 600,) * 3)
     assert "mark" not in told
     if not moments:
-        assert told["l3"] == "has a mass, but no <inertia>: it gets that of its hull, a guess"
+        assert (
+            told["l3"]
+            == "has a mass, but no <inertia>: the robot file gives it the inertia of its hull, a guess"
+        )
         assert f"# l3: {told['l3']}." in made.text
         assert made.draft.inertias["l3"].mass == 3
         assert made.draft.inertias["l3"].moments[2] == pytest.approx(3 * (0.08**2 + 0.06**2) / 12)
@@ -176,7 +183,8 @@ def test_the_tcp_stays_between_fingers_on_hinges(proposed: Proposed) -> None:
     # Closed tips are at 160 mm, open ones at 60 + 50 · cos 0.8 + 50 mm.
     assert gripper.tcp_in_palm.position == pytest.approx((0, 0, 0.1388), abs=1e-3)
     assert gripper.tcp_comment == (
-        "Between the pads, measured on the meshes; the URDF has 'tool' 16 mm further out, at the tips"
+        "Between the pads, measured on the meshes; the URDF's frame 'tool' lies 16 mm further out, "
+        "at the tips"
     )
     assert gripper.max_width == pytest.approx(2 * 0.05 * np.sin(0.8), abs=1e-3)
 
@@ -185,7 +193,7 @@ def test_a_tool_frame_between_the_pads_is_kept(proposed: Proposed) -> None:
     at = ('<origin xyz="0 0 0.155"/>', '<origin xyz="0 0 0.135"/>')
     gripper = proposed(*HINGED_HAND, at).draft.gripper
     assert gripper.tcp_in_palm.position == pytest.approx((0, 0, 0.135))
-    assert gripper.tcp_comment == "Where the URDF has its frame 'tool', between the pads"
+    assert gripper.tcp_comment == "At the URDF's frame 'tool', which lies between the pads"
 
 
 def test_a_hand_whose_bar_carries_the_fingers_is_measured(proposed: Proposed) -> None:
@@ -200,7 +208,9 @@ def test_a_hand_whose_bar_carries_the_fingers_is_measured(proposed: Proposed) ->
     for box, _ in gripper.pads:
         assert box.size == pytest.approx((0.02, 0.012, 0.05), abs=1e-6)
     assert "  # It opens from 12 to 56 mm: computed from the pads." in made.text
-    assert gripper.force_comment == "The URDF's effort would be 1 N: a guess, see the data sheet"
+    assert (
+        gripper.force_comment == "The URDF's effort means only 1 N; this force is a guess: see the data sheet"
+    )
     # No joint of the arm moves the wheel against the fingers.
     assert {"prop", "left"} in [{*pair} for pair in made.robot.disabled_pairs]
     assert [v.name for v in check_model(RobotUnderTest.of(made.robot)) if not v.good] == ["tool frame"]
@@ -237,15 +247,15 @@ def test_the_advice_for_a_place_out_of_reach_leads_to_a_base_within_it(proposed:
     away = RobotUnderTest.of(replace(robot, base_in_world=Pose((-0.5, 0.0, 0.0))))
     found = reach_advice(away, (red_bin,), "arm.yaml")
     assert found is not None
-    assert found[0].startswith("its reach is 0.")
-    assert found[0].endswith("; red_bin is 1.04 m from its first joint")
+    assert found[0].startswith("with the tool down the arm reaches from 0.")
+    assert found[0].endswith("; red_bin is at 1.04 m")
     told = re.match(r"write 'at: \[(.*), 0, 0\]' under 'base:' in arm.yaml: from there the tool, ", found[1])
     assert told is not None
     moved = RobotUnderTest.of(replace(robot, base_in_world=Pose((float(told[1]), 0.0, 0.0))))
     assert reach_advice(moved, (red_bin,), "arm.yaml") is None
     high = reach_advice(moved, (TargetPlace("lamp", np.array([0.4, 0.0, 2.5])),), "arm.yaml")
     assert high is not None
-    assert high[0] == "with the tool down it reaches nothing 2500 mm above the table"
+    assert high[0] == "with the tool down the arm reaches nothing 2500 mm above the table"
 
 
 SHORT = (
@@ -267,7 +277,7 @@ def test_a_short_arm_stands_where_it_reaches_most(tmp_path: Path, capsys: pytest
     assert (0.05 <= x <= 0.25, y) == (True, 0.0)
     told = "from there the tool, pointing down, reaches "
     assert f"base: at [{x:g}, {y:g}, {z:g}] m, a proposal: {told}" in shown
-    assert f"# It is a proposal: {told}" in text
+    assert f"# This position is a proposal: {told}" in text
     tested = RobotUnderTest.of(robot)
     there = propose_base(tested.model, tested.skeleton, tested.solids)
     assert there is None
@@ -336,8 +346,9 @@ def test_a_gripper_that_opens_too_little_is_told_so(proposed: Proposed) -> None:
     )
     assert opening_advice(replace(gripper, max_width=0.047), block, "arm.yaml") is None
     assert opening_advice(replace(gripper, max_width=0.021), block, "arm.yaml") == (
-        "it opens 21 mm; the block is 40 mm wide, and needs 46 mm",
-        "look at 'max_width' in arm.yaml; else mount another gripper, or lay out a scene",
+        "the gripper opens 21 mm; the block is 40 mm wide, and needs 46 mm",
+        "look at 'max_width' in arm.yaml; if it is right, mount another gripper, or write a scene "
+        "with smaller items",
     )
 
 
@@ -358,7 +369,7 @@ def test_a_gripper_that_opens_too_little_is_told_so(proposed: Proposed) -> None:
             "grasp.no_candidate",
             "none of 16 grasps is free: 16 at the grasp l3 would be only 2.0 mm from table",
             "look at the collision geometry of l3 in the URDF, and at 'tip', 'palm' and 'hand' under "
-            "'gripper:' in arm.yaml: it meets table",
+            "'gripper:' in arm.yaml: it touches table",
         ),
         (
             "safety.stop",

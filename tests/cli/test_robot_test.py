@@ -100,7 +100,7 @@ def as_it_is(root: ElementTree.Element) -> None: ...
     ("spoil", "lines", "name", "measured", "change"),
     [
         (without_inertia, {}, MASSES, "panda_link4 has no <inertial>, but a joint moves it",
-         "give panda_link4 a right <inertial> in the URDF, or an entry under 'inertias:'"),
+         "give panda_link4 a correct <inertial> in the URDF, or an entry under 'inertias:'"),
         (tight_limits, {}, LIMITS, "panda_joint2 exerts 87 Nm, beyond the URDF's 8.7 Nm", "'joints:'"),
         (tight_limits, {}, LIMITS,
          "panda_joint4 turns from -3.0718 to -0.0698 rad, beyond the URDF's -1 … ", "'joints:'"),
@@ -196,7 +196,7 @@ def test_a_run_that_sees_nothing_says_that_the_arm_is_in_the_way(
     assert answer([*arguments, "--backend", "kinematic"]) == 1
     shown = capfd.readouterr().out
     assert (
-        "incomplete: the tree ended in SUCCESS, but the goal is missed: the arm hides where the items are"
+        "incomplete: the tree ended in SUCCESS, but the goal is missed: the arm hides the place of the items"
         in shown
     )
     assert "'home' under 'poses:' in arm.yaml" in shown
@@ -222,7 +222,7 @@ def test_a_run_that_fails_and_has_seen_nothing_says_so_too(
     for robot, told in ((str(file), True), ("panda", False)):
         arguments = ["run", str(mission), "--robot", robot, "--out", str(tmp_path), "--backend", "kinematic"]
         answer(arguments)
-        assert ("the arm hides where the items are, 100 % from overhead" in capfd.readouterr().out) is told
+        assert ("the arm hides the place of the items, 100 % from overhead" in capfd.readouterr().out) is told
 
 
 def test_of_two_items_the_one_behind_the_arm_is_explained_by_the_arm(tmp_path: Path) -> None:

@@ -51,8 +51,8 @@ def test_a_person_is_asked_until_the_answer_is_one() -> None:
     assert PersonAtTerminal(out, nullcontext, lambda: next(lines)).answer(QUESTION) == "give up"
     assert out.getvalue() == (
         "\nHelp is wanted: the can slips\n  the hand is empty\n  1  go on\n  2  give up\n"
-        "(answer) (answer) 'g' is not among them: write a number or the beginning of one\n"
-        "(answer) 'stop' is not among them: write a number or the beginning of one\n(answer) "
+        "(answer) (answer) 'g' is not among the answers: write the number of an answer or its beginning\n"
+        "(answer) 'stop' is not among the answers: write the number of an answer or its beginning\n(answer) "
     )
 
 

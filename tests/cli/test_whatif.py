@@ -50,7 +50,7 @@ FOUND = Continuation(
     recorded=OUTCOME,
     now=replace(OUTCOME, status="success", items_sorted=4, items_done=4, end=14.5, recoveries=1),
     status="success",
-    parting=("they part at 9.55 s: Grasp ends otherwise", "  A  Main/Grasp", "  B  Main/Grasp"),
+    parting=("the runs diverge at 9.55 s: Grasp ends differently", "  A  Main/Grasp", "  B  Main/Grasp"),
     arithmetic="",
     warnings=(Diagnostic(Mark("other.yaml", 3, 1), "", "mind this", code="P310", severity="warning"),),
     new_log=Path("/out/one/log.mcap"),
@@ -85,7 +85,7 @@ def test_both_outcomes_side_by_side(asked: Callable[..., Any], capfd: pytest.Cap
         "goes on     from checkpoint-0001, the last checkpoint before tick 200 (10.00 s): "
         "tick 120, 6.00 s, 2 items done\n"
         "changed     mission line 3: `attempts: 2` instead of `attempts: 1`\n"
-        "nodes       9 keep their state, 1 begin anew, 0 are gone\n"
+        "nodes       9 keep their state, 1 start without a state, 0 are gone\n"
         "  anew      Main/Sequence/Extra\n"
         "\n"
         "                         recorded  what if\n"
@@ -93,7 +93,7 @@ def test_both_outcomes_side_by_side(asked: Callable[..., Any], capfd: pytest.Cap
     )
     assert told.out.endswith(
         "\n"
-        "they part at 9.55 s (A: recorded, B: what if): Grasp ends otherwise\n"
+        "the runs diverge at 9.55 s (A: recorded, B: what if): Grasp ends differently\n"
         "  A  Main/Grasp\n"
         "  B  Main/Grasp\n"
         "different from tick 191 on, 9.55 s: /events kind\n"
@@ -120,7 +120,7 @@ def test_nothing_changed(asked: Callable[..., Any], capfd: pytest.CaptureFixture
     asked(same)
     assert answer(["whatif", "last", "--at", "200"]) == 1
     assert capfd.readouterr().out.splitlines()[1:4] == [
-        "goes on     from checkpoint-0001, the tick that was asked for: tick 200, 6.00 s, 2 items done",
+        "goes on     from checkpoint-0001, the requested tick: tick 200, 6.00 s, 2 items done",
         "changed     nothing",
         "identical continuation: 70 ticks, byte for byte",
     ]

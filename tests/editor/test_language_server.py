@@ -117,7 +117,7 @@ def test_what_we_ship_is_looked_at_by_its_own_line_that_names_a_schema(server: L
         ("- Delay: {delay_msec: 5 N, do: GoTo}", 29, 'a number in ms, or as "2 s", or a reference'),
         ("- GoTo: {speed: 1.5}", 23, "Value is above the maximum of 1."),
         ("- Grasp: {force: 20 N}", 9, 'Missing property "object".'),
-        ("- Grasp", 9, "no node of this name is valid without ports or children"),
+        ("- Grasp", 9, "a node of this name needs ports or children"),
         (
             "- SafeRetreat: {hand: opn}",
             29,
@@ -222,7 +222,7 @@ def test_hover_over_a_bare_node(mission: Editor) -> None:
 def test_hover_over_a_port(mission: Editor) -> None:
     assert mission.hover(f'{MISSION}      - Grasp: {{object: "{{item}}", fo|rce: 20 N}}\n') == (
         "#### Grasp\n\nmaximum grip force of each finger: the applied force follows from weight and "
-        "friction, and is limited by this, by the item (`force_limit`) and by the gripper\n\n"
+        "friction, and is limited by this port, by the item (`force_limit`) and by the gripper\n\n"
         '*number in N, or as "20 N"; more than 0; default: 70 N*'
     )
 

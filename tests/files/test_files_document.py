@@ -112,8 +112,8 @@ FAULTY = [
     ),
     (
         HEAD + "a: &a [*a]",
-        "m.yaml:3:8: a[0]: *a names no finished value "
-        "(its anchor comes before it; quote a text that begins with *)",
+        "m.yaml:3:8: a[0]: *a has no anchor before it "
+        "(put the anchor &… earlier in the file; quote a text that begins with *)",
     ),
     (HEAD + "a: b: c", "m.yaml:3:5: not valid YAML: a ':' does not fit here (quote the text, or indent it)"),
     (HEAD + "? [1]\n: 2", 'm.yaml:3:3: a key is a word, not […] (a reference is quoted: "{item}")'),
@@ -143,7 +143,7 @@ def test_aliases_do_not_explode() -> None:
         one, two = chr(97 + n), chr(98 + n)
         lines.append(f"{two}: &{two} [{', '.join([f'*{one}'] * 10)}]")
     assert refused(HEAD + "\n".join(lines)) == (
-        "m.yaml:7:20: e[3]: the file has more than 50000 values, aliases counted out"
+        "m.yaml:7:20: e[3]: the file has more than 50000 values, each alias counted with all its values"
     )
 
 

@@ -85,7 +85,8 @@ LEAVE_OUT = "leave it out, or put a text with it in quotes"
          "P220 1:23 port 'msec': '1_000': unknown unit '_000' (s, ms, us, min, h) (write 1000)"),
         (" Main: {Sleep: {msec: '٣'}}", "P220 1:23 port 'msec': '٣' is not a time (as 500 ms) (write 3)"),
         (" Main: {ForEach: {in: ['{a}', x], out: '{c}', do: SafeRetreat}}",
-         "P221 1:23 port 'in': a list holds no references, as {a} (as \"{key}\", for the whole list)"),
+         "P221 1:23 port 'in': a list cannot hold a reference such as {a} (as \"{key}\", a key "
+         "that holds the whole list)"),
         (" Main: {Grasp: {object: '{ item }'}}",
          "P221 1:25 port 'object': '{ item }' is not a reference (write \"{item}\")"),
     ],

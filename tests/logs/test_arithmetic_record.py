@@ -51,7 +51,7 @@ def test_the_record_of_this_process_names_all_that_computes() -> None:
     ],
 )
 def test_another_arithmetic_is_named_on_both_sides(then: Arithmetic, now: Arithmetic, why: str) -> None:
-    said = f"recorded with other arithmetic ({why}): the runs may part"
+    said = f"recorded with other arithmetic ({why}): the runs may diverge"
     assert arithmetic_difference(then, now) == said
     assert arithmetic_difference(then, now, "in B") == said.replace("here", "in B")
 

@@ -180,8 +180,8 @@ def test_a_log_is_found_by_file_folder_and_last(
     with pytest.raises(PicktreeError) as raised:
         find_log(run.parent)
     assert str(raised.value) == (
-        f"{run.parent}: there is no log.mcap in this folder; there are runs in it: name one, or let "
-        f"`picktree explain {run.parent}` tell of all"
+        f"{run.parent}: there is no log.mcap in this folder; there are runs in it: name one, or run "
+        f"`picktree explain {run.parent}` for all of them"
     )
 
 

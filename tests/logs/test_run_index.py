@@ -196,7 +196,7 @@ def test_the_command_lists_filters_and_prunes(runs: Path, capsys: pytest.Capture
     assert head.split() == ["written", "status", "sorted", "lost", "s", "seed", "mission", "cause", "folder"]
     assert [line.split()[-1] for line in lines] == [newest.folder, first.folder]
     assert answer(["runs", str(runs), "--prune"]) == 2
-    assert "say what with --where CONDITION, or --keep N" in capsys.readouterr().err
+    assert "choose them with --where CONDITION or --keep N" in capsys.readouterr().err
     assert answer(["runs", str(runs), "--keep", "1", "--prune", "--yes"]) == 0
     assert capsys.readouterr().err == f"1 of 1 runs, {first.size / 1e6:.1f} MB deleted\n"
     assert rows(runs) == [newest]
@@ -208,7 +208,7 @@ def test_nothing_is_deleted_where_nobody_can_be_asked(
 ) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO())
     assert answer(["runs", str(runs), "--where", "seed == 0", "--prune"]) == 2
-    assert "say --yes where nobody can be asked" in capsys.readouterr().err
+    assert "give --yes when there is no terminal to confirm it" in capsys.readouterr().err
     assert len(rows(runs)) == 2
 
 

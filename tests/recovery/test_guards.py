@@ -60,7 +60,9 @@ def test_cause_is_takes_families_and_knows_their_names() -> None:
         assert branch in run.trace
     body = GUARDED % ("S", 'CauseIs: {cause: "{cause}", of: ["grasp.*", grasp.mised]}')
     found = faults(body)
-    assert [f.message for f in found] == ["port 'of': 'grasp.mised' is no cause and no family of causes"]
+    assert [f.message for f in found] == [
+        "port 'of': 'grasp.mised' is neither a cause nor a family of causes"
+    ]
     assert [f.hint for f in found] == ["did you mean 'grasp.missed'?"]
 
 

@@ -25,7 +25,7 @@ WAYS: dict[str, tuple[str, dict[str, list[str]]]] = {
                 "n | empty: grasp.missed, grasp.slipped",
             ],
             "running": ["n | empty/full"],
-            "never": ["Mend: Pick may run once only, so there is no run after it"],
+            "never": ["Mend: Pick may run only once, so no second run follows"],
         },
     ),
     "two attempts, and one cause of two is cured": (
@@ -189,7 +189,7 @@ WAYS: dict[str, tuple[str, dict[str, list[str]]]] = {
             "success": ["| full"],
             "failure": ["| empty/full: grasp.missed, grasp.slipped"],
             "running": ["| empty/full"],
-            "never": ["Look: Pick may run once only, so there is no run after it"],
+            "never": ["Look: Pick may run only once, so no second run follows"],
         },
     ),
     "a cure that is skipped ends a retry": (

@@ -7,7 +7,7 @@ import pytest
 from ..authoring.linting import lint
 
 LOOP = "{Repeat: {num_cycles: -1, do: {GoTo: {pose: home}}}}"
-ENDLESS = "it ends only when GoTo fails: num_cycles is -1 and there is no 'while'"
+ENDLESS = "the loop ends only when GoTo fails: num_cycles is -1 and there is no 'while'"
 
 
 def found(node: str) -> list[str]:
@@ -51,7 +51,7 @@ def test_another_value_for_each_attempt_lets_no_time_pass() -> None:
 )
 def test_what_answers_alike_each_time_is_not_tried_again(node: str, name: str) -> None:
     tried = found(f"RetryUntilSuccessful: {{num_attempts: 3, do: {{{node}}}}}")
-    assert tried == [f"trying again changes nothing: {name} answers alike each time"]
+    assert tried == [f"another attempt changes nothing: {name} gives the same result each time"]
 
 
 def test_what_is_set_aside_keeps_no_loop_going() -> None:
@@ -104,6 +104,6 @@ def test_what_is_done_instead_comes_before_other_handlers_and_may_succeed() -> N
         f"instead: {{place.*: {REJECT}}}", "when: {place.full: SafeRetreat}", "otherwise: SafeRetreat"
     ) == ["'place.full' is never used"]
     assert heard("instead: {place.full: {Log: {message: full}}}", "otherwise: SafeRetreat") == [
-        "the mission may end with what Grasp took still in the hand, "
+        "the hand may still hold the object of Grasp at the end of the mission, "
         "when Grasp or Place fails and the mission continues"
     ]

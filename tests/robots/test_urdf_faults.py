@@ -215,7 +215,8 @@ def test_a_fault_is_told_by_new_and_by_check(
             f"{urdf}: no robot file can be made of it\n"
             f"  found    a file that cannot be used as a URDF: {between.join(told)}\n"
             "  missing  an XML file <robot> with <link> and <joint> elements that form one tree\n"
-            "  helps    mend it in a copy; `check_urdf FILE` of liburdfdom-tools tells more about a URDF\n"
+            "  helps    mend a copy of the file; `check_urdf FILE` of liburdfdom-tools describes "
+            "the faults of a URDF\n"
         )
     assert not (tmp_path / "new.yaml").exists()
     file.write_text(ROBOT, encoding="utf-8")
@@ -334,7 +335,7 @@ def test_a_mimic_inside_of_the_arm_is_refused(tmp_path: Path, capsys: pytest.Cap
         f"{urdf}: no robot file can be made of it\n"
         "  found    an arm of 5 joints that move on their own, and in it j4 mimics j1\n"
         "  missing  an arm without <mimic>: each of its joints has a motor of its own\n"
-        "  helps    remove <mimic> from j4 if a motor turns it; a parallelogram cannot be planned for\n"
+        "  helps    remove <mimic> from j4 if a motor turns it; picktree cannot plan for a parallelogram\n"
     )
     (fault,) = check_files([file], CHECKS).faults
     assert (fault.code, fault.mark.line, fault.message, fault.hint) == (

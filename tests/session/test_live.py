@@ -160,8 +160,8 @@ def test_the_pace_tells_gaps_at_which_a_watchdog_would_have_braked() -> None:
         clock.now += {5: 0.16, 9: 0.09}.get(k, 0.01)
         paced.ticked(k * 0.05, None, 0, 0)  # type: ignore[arg-type]
     assert paced.lateness == (
-        "pace: once a tick came later than 100 ms after the one before, by the clock (175 ms at most): "
-        "the watchdog of a robot would have braked there"
+        "pace: once the next tick came after more than 100 ms of wall time (at most 175 ms): "
+        "the watchdog of a robot would have braked the arm"
     )
     quick = WallClockPacer(2.0, 0.2, clock=lambda: clock.now, sleep=clock.sleep)
     for k in range(20):

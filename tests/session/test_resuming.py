@@ -173,7 +173,7 @@ def stood(killed: Path, tmp_path_factory: pytest.TempPathFactory) -> RunResult:
     """The killed run when it has gone on as things stood."""
     out = tmp_path_factory.mktemp("stood")
     with Resumption(ResumeRequest(killed, out=out, as_it_stands=True)) as resumption:
-        assert resumption.description.endswith(": it looks first")
+        assert resumption.description.endswith("; the robot looks first")
         session = resumption.session()
         # The fingers hold an item: that the checkpoint told them to open is over.
         assert session.execution.world.gripper.overdue_failure() is None
@@ -233,7 +233,7 @@ def test_a_run_that_was_killed_before_its_first_tick_goes_on_where_it_began(
     cut = killed_at_once(alone.folder, tmp_path / "cut")
     for stands in (False, True):
         with Resumption(ResumeRequest(cut, as_it_stands=stands)) as resumption:
-            assert resumption.description.endswith(": the run begins anew")
+            assert resumption.description.endswith(": the run starts from the beginning")
             assert resumption.recipe.start is None
     with Resumption(ResumeRequest(killed, out=tmp_path, as_it_stands=True)) as resumption:
         stood = resumption.recipe.start
@@ -245,7 +245,7 @@ def test_a_run_that_was_killed_before_its_first_tick_goes_on_where_it_began(
     with Resumption(ResumeRequest(cut, as_it_stands=True)) as resumption:
         at = f"at {stood.state.time:.2f} s, 1 item done"
         assert resumption.description.endswith(
-            f" has no tick of its own: it resumes where that run did, {at}"
+            f" has no tick of its own: the run resumes from its own start, {at}"
         )
         assert resumption.recipe.start == stood
 
@@ -269,7 +269,7 @@ def test_a_run_at_its_limit_goes_on_with_a_later_one(folder: Path, alone: RunRes
         f"{ended.log}: the run was ended at its limit, 0.50 s; give a later one, as in --limit '60 s'"
     )
     with Resumption(ResumeRequest(ended.folder, out=tmp_path, limit=60.0)) as resumption:
-        assert resumption.description == f"{ended.log} has no checkpoint: the run begins anew"
+        assert resumption.description == f"{ended.log} has no checkpoint: the run starts from the beginning"
         assert resumption.recipe.limit == 60.0
 
 

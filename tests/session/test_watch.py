@@ -217,17 +217,20 @@ REFUSED = {
     ),
     "another default of a parameter": (
         MISSION.replace("default: home", "default: observe"),
-        "/m.yaml:8:7: the mission's parameter 'pose' is another than at the start; that needs a new run",
+        "/m.yaml:8:7: the mission's parameter 'pose' differs from its value at the start; such a "
+        "change needs a new run",
     ),
     "a new parameter": (
         MISSION.replace("doc: where to}", "doc: where to}\n      speed: {type: float, default: 1}"),
-        "/m.yaml:8:7: the mission's parameter 'speed' is another than at the start; that needs a new run",
+        "/m.yaml:8:7: the mission's parameter 'speed' differs from its value at the start; such a "
+        "change needs a new run",
     ),
     "a parameter less": (
         MISSION.replace('pose: "{pose}"}}', "pose: home}}").replace(
             "    ports:\n      pose: {type: string, default: home, doc: where to}\n", ""
         ),
-        "/m.yaml:7:5: the mission's parameter 'pose' is another than at the start; that needs a new run",
+        "/m.yaml:7:5: the mission's parameter 'pose' differs from its value at the start; such a "
+        "change needs a new run",
     ),
     "a library": (
         MISSION.replace("name: quick\nscene: sort_small", "library: true").replace("Main:", "Other:"),

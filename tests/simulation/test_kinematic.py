@@ -158,7 +158,7 @@ def test_checkpoint_resumes_alike() -> None:
     assert twin.truth() == live.truth()
     with pytest.raises(PicktreeError, match="is of seed"):
         KinematicHardware(scene, robot, seed + 1).restore(saved)
-    with pytest.raises(PicktreeError, match=r"^no checkpoint of the kinematic backend: seed: "):
+    with pytest.raises(PicktreeError, match=r"^not a valid checkpoint of the kinematic backend: seed: "):
         KinematicState.from_plain({"seed": "x"})
 
 

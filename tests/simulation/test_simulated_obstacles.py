@@ -167,7 +167,8 @@ unknown:
     with pytest.raises(PicktreeError) as wrong:
         parse_scene(scene, Path("scene.yaml"))
     assert str(wrong.value) == (
-        "scene.yaml:6:3: unknown.table: the name 'table' is taken by a fixture (call one of them otherwise)\n"
+        "scene.yaml:6:3: unknown.table: the name 'table' is taken by a fixture (give one of them "
+        "another name)\n"
         "scene.yaml:6:3: unknown.table: 'box' and 'sphere' exclude each other (give one of them)"
     )
     faults = """

@@ -109,5 +109,5 @@ def test_what_is_no_checkpoint_is_refused():
     with pytest.raises(PicktreeError) as error:
         Checkpoint.from_plain({"seed": "x"})
     assert str(error.value).startswith(
-        "no checkpoint of the simulation: seed: Input should be a valid integer"
+        "not a valid checkpoint of the simulation: seed: Input should be a valid integer"
     )

@@ -98,9 +98,9 @@ def test_a_batch_is_started_stopped_and_resumed_and_tells_what_came_of_it(served
         assert [each["seed"] for each in jobs] == list(range(JOBS))
         assert client.call("runs.open", id=jobs[2]["run"])["seed"] == 2
         assert client.call("batches.behind", id=batch, what="cause", value="' OR 1") == []
-        with pytest.raises(Refused, match="is no place of the table"):
+        with pytest.raises(Refused, match="is not a place on the table"):
             client.call("batches.behind", id=batch, what="place", value="here")
-        with pytest.raises(Refused, match="is no id of a job"):
+        with pytest.raises(Refused, match="is not the id of a job"):
             client.call("batches.rerun", id=batch, job="--out=x")
     # The jobs of this batch now tell what the next one costs.
     again = forecast(load_plan(served.folder / plan), recorded_batches(served.folder / "runs"), 2)

@@ -94,7 +94,7 @@ def test_a_session_with_keys_alone(served: Served, page: tuple[Keys, Told]) -> N
     keys.enter("link", "Run")
     keys.choose("Mission", "one_pick.yaml")
     keys.choose("Backend", "kinematic")
-    keys.choose("Pace", "a quarter of it")  # it must not be over before a busy machine shows it
+    keys.choose("Pace", "a quarter of real time")  # it must not be over before a busy machine shows it
     keys.choose("Faults", "faults/slip.yaml")
     keys.enter("button", "Start")
     keys.enter("button", "Pause")

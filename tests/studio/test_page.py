@@ -103,7 +103,7 @@ def test_from_an_empty_folder_to_a_what_if_and_a_comparison(
     dialog = browser.locator("dialog")
     dialog.get_by_role("button", name=re.compile("troubled")).click()
     dialog.locator(".job[data-outcome=no]").wait_for()
-    dialog.get_by_text("they part at").wait_for()
+    dialog.get_by_text("the runs diverge at").wait_for()
     assert told.requests == []
     assert told.problems == []
 

@@ -47,7 +47,7 @@ def test_links_and_pipes_are_no_runs(served: Served, run: str, picked: RunResult
         assert [row["id"] for row in next(client.watch("runs.index"))["rows"]] == [run]
         with pytest.raises(Refused, match="is not below the folder"):
             client.call("runs.open", id="runs/linked")
-        with pytest.raises(Refused, match="is no file of a log"):
+        with pytest.raises(Refused, match="is not a file of a log"):
             client.call("runs.open", id="runs/pipe.mcap")
 
 

@@ -33,7 +33,7 @@ def test_thousands_of_faults_are_counted() -> None:
     found = faults(many("Nothing#", 1000))
     assert len(found) == MAX_FAULTS + 1
     assert found[0] == (
-        "P207 3:27: Main/Sequence: unknown node 'Nothing0' (`picktree nodes` lists those that there are)"
+        "P207 3:27: Main/Sequence: unknown node 'Nothing0' (`picktree nodes` lists all nodes)"
     )
     assert found[-1].endswith(": and 800 more faults (mend those above first)")
 
@@ -49,7 +49,8 @@ def test_no_more_nodes_are_read_than_can_be_built() -> None:
     ("body", "fault"),
     [
         ("trees: {Main: {" + "A" * 900 + ": {}}}",
-         f"P208 3:16: Main: '{'A' * 56}... is not an ID (a letter or '_', then letters, digits and '_')"),
+         f"P208 3:16: Main: '{'A' * 56}... is not an ID (an ID is a letter or '_', then letters, "
+         "digits and '_')"),
         ("trees: {Main: {Log: {message: a, value: '{" + "a" * 900 + "}'}}}",
          "P221 3:41: Main/Log: port 'value': '{" + "a" * 55 + "... is not a reference "
          '(a reference is "{key}" or "{key.attribute}")'),

@@ -65,7 +65,7 @@ def test_faults_of_all_files_come_at_once_each_with_its_place(tmp_path: Path) ->
         b="library: true\nscene: three_bins\ntrees: {Main: AlwaysSuccess, Put: Tke}",
     ) == [
         "P218 a.yaml:4:23: Look/Take: Take has no port 'objct' (did you mean 'object'?)",
-        "P248 b.yaml:4:1: scene: a library has no 'scene': that is for the mission to say",
+        "P248 b.yaml:4:1: scene: a library has no 'scene': only a mission sets it",
         "P248 b.yaml:5:9: trees.Main: a library has no tree 'Main': that is the mission's",
         f"P247 b.yaml:5:9: trees.Main: the tree 'Main' is given twice (first on line 4 of {tmp_path}/m.yaml)",
         "P207 b.yaml:5:35: Put: unknown node 'Tke' (did you mean 'Take'?)",
@@ -92,18 +92,20 @@ def test_a_tree_that_is_given_twice(tmp_path: Path) -> None:
         ("[3]", "P242 an included file is named by a text (as 'common.yaml' or 'library/recovery')"),
         ("[b.yaml]", "P243 there is no file 'b.yaml' beside the mission"),
         ("[common]",
-         "P242 'common' is no YAML file ('common.yaml', or 'library/common' for one of the library)"),
+         "P242 'common' is not a YAML file ('common.yaml', or 'library/common' for a file of the library)"),
         ("[library/recovry]", "P243 the library has no 'recovry' (did you mean 'recovery'?)"),
         ("[library/../m.yaml]", "P243 the files include each other in a circle: m.yaml → m.yaml"),
         ("[library/a/b]", "P243 the library has no 'library/a/b'"),
         ("[/etc/passwd]",
-         "P243 '/etc/passwd' is no path below the mission's folder (as 'common.yaml' or 'parts/bins.yaml')"),
-        ("['C:\\a.yaml']", "P243 'C:\\\\a.yaml' is no path below the mission's folder (as 'common.yaml' or "
+         "P243 '/etc/passwd' is not a path below the mission's folder (as 'common.yaml' or "
+         "'parts/bins.yaml')"),
+        ("['C:\\a.yaml']", "P243 'C:\\\\a.yaml' is not a path below the mission's folder (as 'common.yaml' "
+        "or "
          "'parts/bins.yaml')"),
         ("[../a.yaml]", "P243 '../a.yaml' lies outside of the mission's folder"),
         ("[a/../../a.yaml]", "P243 'a/../../a.yaml' lies outside of the mission's folder"),
-        ("[plain.yaml]", "P243 'plain.yaml' is not meant for inclusion (a file with sub-trees only says "
-         "'library: true' at the top)"),
+        ("[plain.yaml]", "P243 'plain.yaml' is not meant for inclusion (a file to include needs "
+         "'library: true' at the top, and no tree 'Main')"),
         ("[one.yaml]", "P243 two.yaml:4:11: include[0]: the files include each other in a circle: one.yaml "
          "→ two.yaml → one.yaml"),
         ("[broken.yaml]", "P101 broken.yaml:4:1: not valid YAML: a value is missing here"),

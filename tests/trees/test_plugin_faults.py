@@ -121,7 +121,7 @@ FAULTS = [  # source, code, text after the plug-in's name
     ("NODES = (3,)", "P253", f"an int in NODES {NO_CLASS}"),
     ("from picktree.trees import Skill\nNODES = (Skill,)", "P253", f"Skill in NODES {NO_CLASS}"),
     (WAVE.replace('    """Wave the hand."""\n', ""),
-     "P254", f"node Wave: it needs a docstring, which people read in the reference{AT_THE_CLASS}"),
+     "P254", f"node Wave: the class needs a docstring, for the reference of nodes{AT_THE_CLASS}"),
     (WAVE.replace("In[int]", "In[dict]"),
      "P254", f"port Wave.times: <class 'dict'> cannot be the type of a port{AT_THE_CLASS}"),
     (WAVE.replace("def run", "def go"),
@@ -154,7 +154,7 @@ FAULTS = [  # source, code, text after the plug-in's name
      "P255", "node Wave: the cause 'wave.tired' is not registered (write 'register_cause(Cause(...))')"),
     (WAVE.replace("register_cause(Cause(", "(Cause(").replace("wave.tired", "grasp.tired"),
      "P255", "node Wave: the cause 'grasp.tired' is not registered (the prefix 'grasp' belongs to picktree; "
-     "register it under one of your own)"),
+     "register the cause under a prefix of your own)"),
     (WAVE.replace("(TIRED,)", "(TIRED, Family('waves'))").replace("Cause,", "Cause, Family,"),
      "P255", "node Wave: no cause of the family 'waves.*' is registered"),
     (WAVE.replace("Wave(", "Grasp(").replace("(Wave", "(Grasp"),

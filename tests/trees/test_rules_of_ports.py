@@ -46,7 +46,7 @@ def doc_of(node: str, key: str) -> str:
         ("Recover: {attempts: 0, do: AlwaysSuccess, otherwise: SafeRetreat}",
          "P220 4:30: Recover: port 'attempts': 0 is less than 1 (maximum number of runs of `do`)"),
         ("ForEach: {in: [a], out: '{x}', most: 0, do: AlwaysSuccess}",
-         "P234 4:47: ForEach: port 'most': of 0 elements the child never runs (at least 1, or -1 for all)"),
+         "P234 4:47: ForEach: port 'most': with 0 elements the child never runs (at least 1, or -1 for all)"),
         ("Timeout: {msec: -5 s, do: AlwaysSuccess}",
          f"P220 4:26: Timeout: port 'msec': -5 s is less than 0 s ({doc_of('Timeout', 'msec')})"),
         ("GoTo: {pose: home, speed: 150 %}",
@@ -66,7 +66,7 @@ def doc_of(node: str, key: str) -> str:
         ("Place: {object: a, at: [0.5, 0]}",
          "P234 4:33: Place: port 'at': three numbers x, y, z are wanted, not 2"),
         ("Repeat: {do: AlwaysSuccess}",
-         "P234 4:10: Repeat: one of 'num_cycles' and 'while' must be given, or it would never end"),
+         "P234 4:10: Repeat: one of 'num_cycles' and 'while' must be given, or the loop would never end"),
         ("Recover: {do: AlwaysSuccess}", "P234 4:10: Recover: without `when`, `otherwise` or `instead` "
          "nothing is recovered; use RetryUntilSuccessful to retry"),
     ],

@@ -224,7 +224,7 @@ def test_start_hooks_hear_of_each_start_before_the_inputs_are_read() -> None:
         ("a: In[int] = port('x', key='c')\n    b: In[int] = port('x', key='c')",
          "node Odd: the key 'c' is declared twice"),
         ("a: In[int] = port('x', key='name')", "port Odd.a: 'name' cannot be a key"),
-        ("__doc__ = None", "node Odd: it needs a docstring, which people read in the reference"),
+        ("__doc__ = None", "node Odd: the class needs a docstring, for the reference of nodes"),
         ("node_id = 'Two words'", "node 'Two words': an ID is a letter or '_', then letters, digits and '_'"),
     ],
 )  # fmt: skip

@@ -245,19 +245,19 @@ def test_values_flow_through_the_ports_of_sub_trees() -> None:
         """
     ) == [
         "P237 6:23: Main/Sequence/Inner: port 'side': 'rihgt' is not a choice; did you mean 'right'? "
-        "(it goes to the port 'side' of Use, line 19)",
+        "(the value goes to the port 'side' of Use, line 19)",
         "P237 7:9: Main/Sequence/Inner#2: port 'count': its default: 30 is more than 9 "
-        "(it goes to the port 'count' of Use, line 19)",
+        "(the value goes to the port 'count' of Use, line 19)",
         "P237 7:35: Main/Sequence/Inner#2: port 'list': 'up' is not a choice; known: left, right "
-        "(it goes to the port 'side' of Use, line 20)",
+        "(the value goes to the port 'side' of Use, line 20)",
         "P237 8:22: Main/Sequence/Use: port 'count': {m} is a text, not a whole number "
         "(Main/Sequence/Inner writes it, line 6)",
         "P237 8:37: Main/Sequence/Use: port 'length': {g} is a text, not a number "
         "(Main/Sequence/Inner writes it, line 6)",
         "P237 9:31: Outer/Inner: port 'count': its default: 30 is more than 9 "
-        "(it goes to the port 'count' of Use, line 19)",
+        "(the value goes to the port 'count' of Use, line 19)",
         "P237 10:25: Again/Outer: port 'what': 7 is a whole number, not a text "
-        "(it goes to the port 'side' of Use, line 19)",
+        "(the value goes to the port 'side' of Use, line 19)",
         "P237 21:48: Inner/Sequence/SetBlackboard: port 'output_key': what it writes is a whole number, "
         "not a text (the tree's output 'made', line 16)",
     ]

@@ -146,7 +146,7 @@ def test_a_mesh_that_so_few_parts_do_not_make_up_is_refused(
     monkeypatch.setenv("PICKTREE_CACHE", "")
     monkeypatch.setattr(convex_decomposition, "MAX_EXCESS", -0.5)
     with pytest.raises(
-        MeshError, match=r"^the mesh is too intricate: 16 convex parts are -?\d+ % larger than it"
+        MeshError, match=r"^the mesh is too intricate: 16 convex parts are -?\d+ % larger than the mesh"
     ):
         load_body(angle(tmp_path, 0.5), 0.5)
 

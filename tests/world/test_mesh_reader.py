@@ -97,7 +97,8 @@ BAD: dict[str, tuple[str | bytes, str]] = {
         "the file is a pointer of git-lfs, not the mesh; get the mesh: git lfs pull",
     ),
     "page.stl": ("<!DOCTYPE html><html>", "the file is a web page, not a mesh; download the mesh itself"),
-    "part.step": ("ISO-10303-21;", "part.step is no mesh file that is read here; known: stl, obj, dae, ply, "
+    "part.step": ("ISO-10303-21;", "part.step is not a mesh file of a known format; known: stl, obj, dae, "
+    "ply, "
                   "off, glb"),
     "cut.stl": (binary_stl(CORNERS)[:190], "the file is cut off: 2 of 4 triangles are in it"),
     "none.stl": (binary_stl(CORNERS)[:80] + bytes(4), "the mesh has no triangles; convert it anew to STL or "
@@ -110,11 +111,11 @@ BAD: dict[str, tuple[str | bytes, str]] = {
     ),
     "zero.dae": (
         dae('<unit meter="0"/>'),
-        'the mesh has <unit meter="0">, which is no length; as <unit meter="0.001"> for millimetres',
+        'the mesh has <unit meter="0">, which is not a length; as <unit meter="0.001"> for millimetres',
     ),
     "word.dae": (
         dae('<unit meter="inch"/>'),
-        'the mesh has <unit meter="inch">, which is no length; as <unit meter="0.001"> for millimetres',
+        'the mesh has <unit meter="inch">, which is not a length; as <unit meter="0.001"> for millimetres',
     ),
     "no scene.dae": (
         dae().replace(b"<scene>", b"<!--").replace(b"</scene>", b"-->"),

@@ -95,7 +95,7 @@ REPLACED = {  # by the text that is replaced and the one in its place
         ),
         "eye: -0.45": (
             "6:86: fixtures.belt.eye: items are set down in the light barrier, or beyond it "
-            "(at -0.42 m or more they come to it)"
+            "(at -0.42 m or more the items reach the barrier)"
         ),
     },
     "yaw: 90 deg": {"rpy: [0, 9 deg, 0]": "6:52: fixtures.belt.rpy: a belt lies level: give its 'yaw'"},
@@ -143,7 +143,7 @@ REPLACED = {  # by the text that is replaced and the one in its place
             "12:103: feed[0].when.at[2]: 3 s does not come after the load before it (times ascend)"
         ),
         "{at: [2 s, 9 s]}, total: 5": (
-            "12:112: feed[0].total: 5 items do not come in 2 loads of 2 "
+            "12:112: feed[0].total: 5 items do not fit into 2 loads of 2 "
             "(give more times, or leave the total out)"
         ),
     },
@@ -162,7 +162,7 @@ REPLACED = {  # by the text that is replaced and the one in its place
     "spacing: 20 cm": {
         "spacing: 8 cm": (
             "13:73: feed[1].spacing: items that are 57 mm across would touch on the belt "
-            "(a spacing of at least 89 mm)"
+            "(give a spacing of at least 89 mm)"
         ),
     },
     "[1.0, 0.2, 0.05]": {
@@ -244,7 +244,7 @@ def test_a_belt_to_which_nothing_comes_is_told() -> None:
     assert warnings(SCENE) == []
     assert warnings(without) == [
         "scene.yaml:6:3: fixtures.belt: nothing comes on the belt 'belt' "
-        "(an entry of 'feed' with 'belt: belt')"
+        "(add an entry to 'feed' with 'belt: belt')"
     ]
 
 

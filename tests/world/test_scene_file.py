@@ -115,7 +115,7 @@ REPLACED = {  # by the text that is replaced and the one in its place; more faul
     },
     "  plate: {": {
         "  unknown: {": (
-            "13:3: catalogue.unknown: the name 'unknown' is taken (it means an item that fits no kind)"
+            "13:3: catalogue.unknown: the name 'unknown' is taken (the word means an item that fits no kind)"
         ),
     },
     "wall: 5 mm, ": {
@@ -172,7 +172,7 @@ REPLACED = {  # by the text that is replaced and the one in its place; more faul
     "lying: 0.5": {
         "touching: true, tumbled: true": (
             "15:95: spawn[0].touching: 'touching' and 'tumbled' exclude each other: "
-            "what is dropped comes to lie anywhere (give one of them)"
+            "dropped items come to rest anywhere (give one of them)"
         ),
     },
     "colour == 'red'": {
@@ -254,7 +254,7 @@ def test_a_mesh_becomes_its_hull_about_its_centre(tmp_path: Path) -> None:
 
 OPEN = (
     "the mesh is not closed: some of its edges do not belong to two faces "
-    "(close it; its hull, which could replace it, has 6.0 cm³)"
+    "(close the mesh, or replace it by its convex hull, which has 6.0 cm³)"
 )
 
 
@@ -263,7 +263,7 @@ OPEN = (
     [
         ((0.03, 0.02, 0.01), 10, OPEN),
         ((0.03, 0.02, 0.0), 12, "the mesh is flat: it encloses no volume"),
-        ((30, 20, 10), 12, "the mesh is 30 m large (is it in millimetres? then 'scale: 0.001')"),
+        ((30, 20, 10), 12, "the mesh is 30 m large (is the mesh in millimetres? then add 'scale: 0.001')"),
     ],
 )
 def test_meshes_that_are_refused(
@@ -310,7 +310,7 @@ def test_scenes_are_found_by_name_and_path(tmp_path: Path) -> None:
     for name, message in [
         ("three_bin", "unknown scene 'three_bin' (did you mean 'three_bins'?)"),
         ("other.yaml", f"there is no scene file {tmp_path}/other.yaml"),
-        ("", "'' is no name of a scene"),
+        ("", "'' is not the name of a scene"),
     ]:
         with pytest.raises(PicktreeError) as caught:
             load_scene(name, mission)

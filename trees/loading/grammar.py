@@ -337,8 +337,8 @@ class NodeSpecReader:
             self._fault(loc, above, message, hint, code="P215")
             return
         if not any(key.startswith("-") for key in keys):  # else each of them is no ID
-            message = f"here are {len(keys)} nodes in place of one: {shown}"
-            hint = f"in a list each begins with a '-': write '- {keys[0][:30]}', then '- {keys[1][:30]}'"
+            message = f"there are {len(keys)} nodes here, and only one is possible: {shown}"
+            hint = f"in a list each node begins with a '-': write '- {keys[0][:30]}', then '- {keys[1][:30]}'"
             self._fault((*loc, keys[0]), above, message, hint, code="P215", key=True)
         for key in keys:
             self.node({key: value[key]}, loc, above, names)
@@ -373,7 +373,7 @@ class NodeSpecReader:
             hint = foreign or self._faults.nearest(identity, (*self._trees, *self._registry.ids()))
             detail, near = "", bool(foreign) or hint.startswith("did you mean")
             if not near:
-                hint = "`picktree nodes` lists those that there are"
+                hint = "`picktree nodes` lists all nodes"
             if not near and self._registry.problems:
                 # The name may be right, and its plug-in installed but broken.
                 hint = "; ".join(problem.message for problem in self._registry.problems)
@@ -388,7 +388,7 @@ class NodeSpecReader:
             hint = syntax_faults.structure_hint(identity)
             if not hint and len(words) > 1 and all(map(self._is_node, words)):
                 hint = f"each node of a list begins with a '-': write '- {words[0]}'"
-            hint = hint or "a letter or '_', then letters, digits and '_'"
+            hint = hint or "an ID is a letter or '_', then letters, digits and '_'"
             self._fault(loc, above, f"{show(identity)} is not an ID", hint, code="P208", key=key)
         # Descendants are checked too, so that all errors are reported at once.
         inner, at = (body.get("do"), (*loc, "do")) if isinstance(body, dict) else (body, loc)

@@ -126,7 +126,7 @@ def _unshared(tree: TreeSpec, trees: Mapping[str, TreeSpec]) -> Iterator[Diagnos
                     message = (
                         f"{spec.id} reads the key {port.key!r} of its caller, which this call does not share"
                     )
-                    hint = f"'{AUTOREMAP}: true', or a port {port.key!r} of {spec.id}"
+                    hint = f"add '{AUTOREMAP}: true' to the call, or give {spec.id} the port {port.key!r}"
                     yield Diagnostic(spec.mark, f"trees.{tree.name}", message, hint, "P219")
 
 
@@ -196,7 +196,7 @@ class IncludeReader:
             return None
         if included.data.get("library") is not True:
             message = f"{name!r} is not meant for inclusion"
-            hint = "a file with sub-trees only says 'library: true' at the top"
+            hint = "a file to include needs 'library: true' at the top, and no tree 'Main'"
             self._fault(document, (index,), message, hint, code="P243")
             return None
         return included
@@ -213,7 +213,7 @@ class IncludeReader:
                 return None
             return entry
         if posixpath.isabs(entry) or "\\" in entry or ":" in entry or "\x00" in entry:
-            message = f"{entry!r} is no path below the mission's folder"
+            message = f"{entry!r} is not a path below the mission's folder"
             self._fault(document, (index,), message, "as 'common.yaml' or 'parts/bins.yaml'", code="P243")
             return None
         name = posixpath.normpath(posixpath.join(folder, entry))
@@ -222,8 +222,8 @@ class IncludeReader:
             self._fault(document, (index,), message, code="P243")
             return None
         if not name.endswith(_SUFFIXES):
-            message = f"{entry!r} is no YAML file"
-            hint = f"'{entry}.yaml', or 'library/{entry}' for one of the library"
+            message = f"{entry!r} is not a YAML file"
+            hint = f"'{entry}.yaml', or 'library/{entry}' for a file of the library"
             self._fault(document, (index,), message, hint, code="P242")
             return None
         return name
@@ -293,7 +293,7 @@ class TreeSetReader:
         value = document.data.get("trees")
         library = document.data.get("library") is True
         if value is None:
-            hint = "it holds the sub-trees" if library else "it holds 'Main:' and the sub-trees"
+            hint = "'trees:' holds the sub-trees" if library else "'trees:' holds 'Main:' and the sub-trees"
             self._fault(document, (), "'trees:' is missing", hint, code="P205")
             return {}
         if not isinstance(value, dict):
@@ -418,7 +418,7 @@ class MissionHead:
                 hint = self._faults.nearest(key, _MISSION_KEYS)
                 self._fault((key,), f"a mission has no key {show(key)}", hint, code="P201", key=True)
             elif key in _NOT_IN_LIBRARY and self.library:
-                message = f"a library has no {key!r}: that is for the mission to say"
+                message = f"a library has no {key!r}: only a mission sets it"
                 self._fault((key,), message, code="P248", key=True)
 
     def text(self, key: str) -> str | None:
@@ -445,7 +445,9 @@ class MissionHead:
             return None
         unknown = sorted(goal.names - set(_GOAL_NAMES))
         for name in unknown:
-            self._fault(("goal",), f"a goal knows no {name!r}", suggest_name(name, _GOAL_NAMES), code="P203")
+            self._fault(
+                ("goal",), f"a goal cannot use {name!r}", suggest_name(name, _GOAL_NAMES), code="P203"
+            )
         try:
             check_types(goal, dict.fromkeys((*_GOAL_NAMES, *unknown), INT), {})
         except expression_syntax.ExpressionError as error:

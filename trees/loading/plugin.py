@@ -454,7 +454,7 @@ def _check_cause(cause: Cause | Family, plugin: str, node: str) -> None:
         prefix = cause.name.split(".")[0]
         hint = "write 'register_cause(Cause(...))'"
         if prefix in OUR_PREFIXES:
-            hint = f"the prefix {prefix!r} belongs to picktree; register it under one of your own"
+            hint = f"the prefix {prefix!r} belongs to picktree; register the cause under a prefix of your own"
         raise PluginError(f"{where}: the cause '{cause}' is not registered", hint, code="P255")
     elif known[cause.name] != cause:
         meaning = known[cause.name].sentence

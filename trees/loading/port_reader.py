@@ -213,11 +213,11 @@ class PortReader:
     ) -> None:
         """Report a reference that is not the whole value: nothing would take its place."""
         if isinstance(value, list):
-            message = f"port {port.key!r}: a list holds no references, as {inner}"
+            message = f"port {port.key!r}: a list cannot hold a reference such as {inner}"
             hint = (
-                f'a key holds the whole list: write "{inner}"'
+                f'this key already holds the whole list: write "{inner}" without [ ]'
                 if len(value) == 1
-                else 'as "{key}", for the whole list'
+                else 'as "{key}", a key that holds the whole list'
             )
         else:
             message = (
@@ -235,7 +235,9 @@ class PortReader:
             self._fault(loc, trail, message, code="P223")
             return None
         if port.takes == "key" and reference.attributes:
-            message = f"port {port.key!r} is for a key: nobody writes {reference}, which is the belief's"
+            message = (
+                f"port {port.key!r} needs a key: {reference} belongs to the belief and cannot be written"
+            )
             self._fault(loc, trail, message, code="P223")
             return None
         for name in reference.attributes:

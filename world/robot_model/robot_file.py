@@ -330,7 +330,7 @@ def _check_joint(
 def _check_order(check: DocumentChecker, joints: list[str], skeleton: UrdfTree) -> None:
     for before, name in pairwise(joints):
         if before not in skeleton.above(name):
-            message = f"{name!r} does not come behind {before!r} in the URDF"
+            message = f"{name!r} does not come after {before!r} in the URDF"
             check.fault(
                 ("joints", name),
                 message,

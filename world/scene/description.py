@@ -382,7 +382,7 @@ class Spawn(ItemLoad):
     """Items that are set down at random at the beginning of a run; their places follow from scene and seed
     alone.
 
-    Drawn from the stream `spawn`. `area` is that of the tote where `into` names one.
+    Drawn from the stream `spawn`. If `into` names a tote, `area` is the tote's area.
     """
 
     drop: Drop | None = None

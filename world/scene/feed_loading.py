@@ -78,7 +78,7 @@ def check_spawn(
         if may_lie and entry.area is not None and entry.drop is None:
             check_crowding(check, loc, entry, entry.area, 0.0 if entry.touching else entry.gap, catalogue)
         if entry.touching and entry.tumbled:
-            message = "'touching' and 'tumbled' exclude each other: what is dropped comes to lie anywhere"
+            message = "'touching' and 'tumbled' exclude each other: dropped items come to rest anywhere"
             check.fault((*loc, "touching"), message, "give one of them", code="P112", key=True)
 
 
@@ -88,7 +88,7 @@ def _check_heap(
     """Check the pouring of items: manner and target."""
     area = _has_key(check, loc, "area")
     if not area and entry.into is None:
-        hint = "a rectangle on the table; or 'into', a tote"
+        hint = "give 'area', a rectangle on the table, or 'into', a tote"
         check.fault(loc, "'area' is missing", hint, code="P105", key=True)
     if area and entry.into is not None:
         message = "'area' and 'into' exclude each other"
@@ -97,14 +97,14 @@ def _check_heap(
         check_tote(check, loc, entry.into, bodies)
     if entry.drop is None and (entry.into is not None or ASSORTMENT in entry.counts):
         which = "'drop: heap'" if entry.into is not None else "'drop: pile' or 'drop: packed'"
-        hint = f"items are poured into a tote, and things of an assortment lie in heaps: {which}"
+        hint = f"items are poured into a tote, and things of an assortment lie in heaps: add {which}"
         check.fault(loc, "'drop' is missing", hint, code="P105", key=True)
     if entry.drop is not None and (entry.drop == "heap") != (entry.into is not None):
-        hint = "'heap' with 'into', a tote; 'pile' or 'packed' with 'area', on the table"
+        hint = "'heap' needs 'into', a tote; 'pile' and 'packed' need 'area', on the table"
         check.fault((*loc, "drop"), f"'drop: {entry.drop}' does not go with this place", hint, code="P112")
     for name in ("tumbled", "touching"):
         if entry.drop is not None and getattr(entry, name):
-            message = f"'drop' and {name!r} exclude each other: what is poured comes to lie anywhere"
+            message = f"'drop' and {name!r} exclude each other: poured items come to rest anywhere"
             check.fault((*loc, name), message, "give one of them", code="P112", key=True)
 
 
@@ -379,7 +379,7 @@ def _check_barrier(
     least = -length / 2 + 2 * widest + 2 * MIN_BELT_GAP
     if eye is not None and -length / 2 < eye < least:
         message = "items are set down in the light barrier, or beyond it"
-        hint = f"at {math.ceil(100 * least) / 100:g} m or more they come to it"
+        hint = f"at {math.ceil(100 * least) / 100:g} m or more the items reach the barrier"
         check.fault(("fixtures", name, "eye"), message, hint, code="P421")
 
 
@@ -396,7 +396,7 @@ def _check_room(
         given = _has_key(check, loc, "spacing")
         at: Location = (*loc, "spacing") if given else (*loc, "of", kind)
         message = f"items that are {1000 * across:.0f} mm across would touch on the belt"
-        hint = f"a spacing of at least {1000 * math.ceil(1000 * least) / 1000:.0f} mm"
+        hint = f"give a spacing of at least {1000 * math.ceil(1000 * least) / 1000:.0f} mm"
         check.fault(at, message, hint, code="P414", key=not given)
 
 
@@ -426,7 +426,7 @@ def _check_times(check: DocumentChecker, loc: Location, entry: Delivery, when: W
             check.fault((*loc, "when", "at", k), message, "times ascend", code="P422")
             return
     if entry.total is not None and entry.total > entry.number * len(when.times):
-        message = f"{entry.total} items do not come in {len(when.times)} loads of {entry.number}"
+        message = f"{entry.total} items do not fit into {len(when.times)} loads of {entry.number}"
         check.fault((*loc, "total"), message, "give more times, or leave the total out", code="P423")
 
 
@@ -477,7 +477,7 @@ def check_belts(
                     check.fault((*loc, "eye"), message, hint, code="P412")
             if not any(_may_feed(check, each, name, bodies) for each in feed):
                 message = f"nothing comes on the belt {name!r}"
-                hint = f"an entry of 'feed' with 'belt: {name}'"
+                hint = f"add an entry to 'feed' with 'belt: {name}'"
                 check.fault(loc, message, hint, code="P425", key=True, severity="warning")
 
 

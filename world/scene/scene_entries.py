@@ -101,10 +101,10 @@ def _body(raw: bytes, path: Path, scale: float, saved_parts: list[Array] | None)
     if volume < 1e-12 or float(size.min()) < 1e-4:
         raise mesh_reader.FlatMesh
     if float(size.max()) > 1.0:
-        hint = "is it in millimetres? then 'scale: 0.001'"
+        hint = "is the mesh in millimetres? then add 'scale: 0.001'"
         raise mesh_reader.MeshError(f"the mesh is {float(size.max()):.3g} m large", hint)
     if not mesh.is_watertight:
-        hint = f"close it; its hull, which could replace it, has {volume * 1e6:.1f} cm³"
+        hint = f"close the mesh, or replace it by its convex hull, which has {volume * 1e6:.1f} cm³"
         raise mesh_reader.MeshError(
             "the mesh is not closed: some of its edges do not belong to two faces", hint
         )
@@ -127,8 +127,8 @@ def _body(raw: bytes, path: Path, scale: float, saved_parts: list[Array] | None)
 RESERVED_NAMES = ("arm", "gripper", "hand", "aside")
 """Names that the belief uses for other things."""
 RESERVED_KINDS = {
-    "unknown": "it means an item that fits no kind",
-    ASSORTMENT: "it means things of the assortment",
+    "unknown": "the word means an item that fits no kind",
+    ASSORTMENT: "the word means things of the assortment",
 }
 """Names that no kind may have, with the reason."""
 CONTAINERS = ("bin", "tote")
@@ -353,7 +353,7 @@ def _check_form(check: DocumentChecker, loc: Location, entry: HoleFile) -> None:
     which = check.one_of(loc, HoleFile.one_of)
     with check.readable():
         if which == "round" and entry.yaw is not None:
-            check.fault((*loc, "yaw"), "a round hole is not turned", code="P112", key=True)
+            check.fault((*loc, "yaw"), "a round hole has no 'yaw'", code="P112", key=True)
     with check.readable():
         if entry.slot is not None and entry.slot[0] < entry.slot[1]:
             hint = "the length comes first, and runs along the hole's x; 'yaw' turns it"
@@ -393,7 +393,7 @@ def _check_places(
             check.fault((*at, "at"), "the hole is not inside its box", hint, code="P433")
         elif not _inside(hole_geometry.outline(hole, hole.chamfer), x, y):
             message = "the chamfer reaches beyond the box"
-            check.fault((*at, "chamfer"), message, "it widens the mouth on every side", code="P432")
+            check.fault((*at, "chamfer"), message, "a chamfer widens the mouth on every side", code="P432")
         if len(check.faults) == faults:
             good[name] = hole
     clashes = [

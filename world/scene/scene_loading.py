@@ -291,14 +291,14 @@ class _Parts:
             for name in dict.fromkeys(kind for entry in (*self.spawn, *self.feed) for kind in entry.counts):
                 known = self.catalogue.get(name)
                 if known is not None and known.mass < MIN_DETECTABLE_MASS:
-                    message = f"{1000 * known.mass:g} g are less than the wrist surely feels"
+                    message = f"{1000 * known.mass:g} g are less than the wrist sensor can reliably measure"
                     least = f"below {1000 * MIN_DETECTABLE_MASS:g} g"
-                    hint = f"{least} the opening of the fingers alone tells that it is held"
+                    hint = f"{least} only the opening of the fingers shows that the hand holds the item"
                     check.fault(("catalogue", name, "mass"), message, hint, code="P427", severity="warning")
 
     def _check_unknown(self, name: str, entry: UnknownFile) -> None:
         if name in self.bodies:
-            hint = "call one of them otherwise"
+            hint = "give one of them another name"
             message = f"the name {name!r} is taken by a fixture"
             self.checker.fault(("unknown", name), message, hint, code="P403", key=True)
         check_unknown(self.checker, ("unknown", name), entry)

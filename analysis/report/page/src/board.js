@@ -26,8 +26,8 @@ export class Board {
     this.truthNumbers = new Map(truth.words.map((word, number) => [word, number]));
     this.objects = [...this.beliefs.rows.keys()].sort((a, b) => words[a].localeCompare(words[b], undefined, { numeric: true }));
     const heads = [
-      ["object"], ["kind", "wide"], ["at, mm"], ["turned", "wide"], ["sure", "wide"], ["seen", "seen", "How long ago it was seen last"], ["where"],
-      ["off, mm", "off", "How far the truth is from what the robot believes; the robot does not know it"],
+      ["object"], ["kind", "wide"], ["at, mm"], ["turned", "wide"], ["sure", "wide"], ["seen", "seen", "Time since the object was last seen"], ["where"],
+      ["off, mm", "off", "Distance of the true place from the believed place; the robot does not know it"],
     ];
     const head = made("tr", {}, ...heads.map(([text, kind, title]) => made("th", { class: kind ?? "", title }, text)));
     this.lines = new Map(this.objects.map((number) => [number, this.line(words[number])]));
@@ -35,7 +35,7 @@ export class Board {
     this.nothing = made("p", { class: "board-none" }, "The robot knows of nothing yet.");
     this.table = made("table", { class: "belief" }, made("thead", {}, head), made("tbody", {}, ...[...this.lines.values()].map(({ root }) => root)));
     return made("div", { class: "board-part" },
-      made("h3", {}, "Belief", made("small", {}, "beside it how far the truth is off, for the analyst only")),
+      made("h3", {}, "Belief", made("small", {}, "the second number is the error of the belief, for the analyst only")),
       this.nothing,
       made("div", { class: "board-scroll" }, this.table),
       this.unknown,

@@ -57,8 +57,8 @@ export class Details {
   }
 
   never(own) {
-    if (!own.length) return made("p", {}, "It was never reached in this run.");
-    return made("p", {}, `It has not been reached yet; that comes at ${seconds(this.visits.start(own[0]))}.`);
+    if (!own.length) return made("p", {}, "The run never reached this node.");
+    return made("p", {}, `The run has not reached this node yet; it will at ${seconds(this.visits.start(own[0]))}.`);
   }
 
   visit(i, status) {
@@ -71,7 +71,7 @@ export class Details {
     const origin = visits.word("origin", i);
     const path = visits.nodes[visits.columns.node[i]].path;
     const facts = {
-      "": running ? "running now" : status ? "ends in this tick" : "its last visit, over by now",
+      "": running ? "running now" : status ? "ends in this tick" : "the node's last visit, which has ended",
       began: seconds(start),
       ended: `${ended}, after ${(end - start).toFixed(2)} s`,
     };

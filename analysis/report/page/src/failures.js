@@ -94,7 +94,7 @@ export class Failures {
       const other = story.because_of;
       yield made("p", {}, "It follows from ", made("button", { class: "link", onclick: () => player.selectFailure(other) }, `failure ${other + 1}`), ".");
     }
-    yield made("h4", {}, "What became of it");
+    yield made("h4", {}, "Outcome of the failure");
     const handled = story.handled_by.map((one) => made("li", {}, at(one.time), ` ${one.ran && one.ran !== one.handler ? `${one.ran} for ` : ""}${one.handler} in `, node(one.node), `, attempt ${one.attempt}: ${one.ended}`, one.seconds ? ` after ${one.seconds.toFixed(2)} s` : ""));
     if (handled.length) yield made("ul", {}, ...handled);
     const when = story.fate_at === null ? [] : [" at ", at(story.fate_at)];
@@ -103,11 +103,11 @@ export class Failures {
     const end = endOf(this.section.recovery.episodes[story.episode]);
     if (end) yield made("p", {}, `Its episode: ${end}.`);
     if (story.chain.length) {
-      yield made("h4", {}, "How far it came");
+      yield made("h4", {}, "Path through the tree");
       yield made("ol", { class: "chain" }, ...story.chain.map((link) => made("li", {}, node(link.path), ` ${link.outcome}`)));
     }
     if (story.observed.length) {
-      yield made("h4", {}, "What the log tells of the moment");
+      yield made("h4", {}, "Records of the log at this moment");
       yield made("ul", {}, ...story.observed.map((line) => made("li", {}, line)));
     }
     for (const choice of story.choices) yield* chosen(choice, at);
@@ -150,11 +150,11 @@ export class Failures {
 
 const FATE_PHRASES = {
   cured: "It was cured",
-  done_instead: "It was answered by what the mission does instead",
-  passed_over: "It was passed over",
-  branched: "The mission went another way",
-  ended: "It ended the run",
-  open: "It is open when the log ends",
+  done_instead: "The mission ran a handler instead of the branch",
+  passed_over: "The failure was passed over",
+  branched: "The mission took another branch",
+  ended: "The failure ended the run",
+  open: "The failure is open when the log ends",
 };
 
 function counted(failures) {

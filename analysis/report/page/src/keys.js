@@ -6,8 +6,8 @@ export const SPEEDS = [0.25, 0.5, 1, 2, 4, 8, 16];
 
 const KEYS = [
   [["Space"], "play or pause"],
-  [["←", "→"], "one tick back or on"],
-  [["Shift ←", "Shift →"], "one second back or on"],
+  [["←", "→"], "one tick back or forward"],
+  [["Shift ←", "Shift →"], "one second back or forward"],
   [["n", "]"], "next failure"],
   [["p", "["], "previous failure"],
   [["Home", "End"], "first or last tick"],

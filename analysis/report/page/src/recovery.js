@@ -11,7 +11,7 @@ export function recovery({ causes, recovery: { planted } }, player) {
   if (causes.length) found.push(made("h3", {}, "Seen, tried, cured"), made("ul", { class: "causes" }, ...causes.map(cause)));
   if (planted.length) {
     found.push(
-      made("h3", {}, "Planted faults, and what failed first after them"),
+      made("h3", {}, "Planted faults, and the first failure after each"),
       made("ul", { class: "moments" }, ...planted.map((fault) => plantedFault(fault, player))),
     );
   }

@@ -15,11 +15,11 @@ import { boundsOf, Views } from "./views.js";
 Object3D.DEFAULT_UP.set(0, 0, 1);
 
 const NO_WEBGL =
-  "This browser draws no 3-D (WebGL is missing or switched off). All else on this page works without it.";
+  "This browser cannot draw in 3-D (WebGL is missing or switched off). The rest of this page works.";
 const LAYERS = [
   ["truth", "Truth", "where the bodies truly were, which the robot did not know"],
   ["path", "Path", "the path of the motion that is being made"],
-  ["choices", "Candidates", "grasps and placements that were thought of: green taken, red refused; click one for the reason"],
+  ["choices", "Candidates", "grasps and placements that the robot considered: green accepted, red refused; click one for its reason"],
   ["camera", "Camera", "what the camera sees"],
   ["names", "Names", "ids of the bodies"],
 ];

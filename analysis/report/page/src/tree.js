@@ -31,7 +31,7 @@ export class Tree {
     const button = (text, title, action) =>
       made("button", { class: "chip", title, "aria-label": title, onclick: () => this.drawing && action(this.drawing) }, text);
     this.follows = made("button", {
-      class: "chip", "aria-pressed": "true", title: "Keep what runs in sight",
+      class: "chip", "aria-pressed": "true", title: "Keep the running nodes in view",
       onclick: () => {
         this.following = !this.following;
         this.follows.setAttribute("aria-pressed", String(this.following));
@@ -122,7 +122,7 @@ export class Tree {
     this.drawing = this.drawings.get(place).drawing;
     const { since } = this.section.charts[place];
     this.note.hidden = this.section.charts.length < 2;
-    this.note.textContent = place ? `As edited under the run, from ${since.toFixed(2)} s on` : "As the run began; the mission is edited later";
+    this.note.textContent = place ? `As edited during the run, from ${since.toFixed(2)} s on` : "As at the start of the run; the mission is edited later";
     this.choose(this.player.node);
   }
 

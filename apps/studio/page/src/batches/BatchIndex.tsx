@@ -26,17 +26,17 @@ export function BatchIndex(_: { place: Place }) {
       {value === null && <p className="loading" role="status">Looking for batches …</p>}
       {value?.length === 0 && (
         <Empty title="No batch in this folder yet">
-          <p>A batch runs missions with many seeds, scenes, faults and settings, and says how often they reach their goal. Write a plan above, see its matrix and what it costs, and start it.</p>
+          <p>A batch runs missions with many seeds, scenes, faults and settings, and says how often they reach their goal. Write a plan above, look at its matrix and its cost, and start the batch.</p>
           <p className="muted">In a terminal: <code>picktree batch run --mission MISSION --seeds 0:20</code></p>
         </Empty>
       )}
       {value && value.length > 0 && (
         <section className="card" aria-label="Batches">
           <div className="buttons">
-            <Button disabled={chosen.length === 0} onClick={() => setComparing(true)} title="Choose one or two below">
+            <Button disabled={chosen.length === 0} onClick={() => setComparing(true)} title="Choose one or two batches below">
               {chosen.length < 2 ? "Compare its recipes …" : "Compare the two …"}
             </Button>
-            <span className="muted note">Choose one or two to compare.</span>
+            <span className="muted note">Choose one or two batches to compare.</span>
           </div>
           <ul className="batch-list">
             {value.map((batch) => (
@@ -70,7 +70,7 @@ function Plans() {
         </ul>
       )}
       <form className="new-plan" onSubmit={(event) => { event.preventDefault(); if (path) go(href("plan", path)); }}>
-        <Field label="New plan" hint={taken ? "it exists, and is opened" : "name of its file, as night.yaml"}>
+        <Field label="New plan" hint={taken ? "this plan exists; it will be opened" : "name of its file, as night.yaml"}>
           {(attributes) => <input {...attributes} value={name} onChange={(event) => setName(event.target.value)} />}
         </Field>
         <Button type="submit" disabled={!path}>Write it</Button>

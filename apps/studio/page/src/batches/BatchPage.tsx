@@ -51,10 +51,10 @@ function Opened({ id, batch }: { id: string; batch: BatchProgress }) {
           <ProgressBar batch={batch} />
         </div>
         <div className="buttons" role="toolbar" aria-label="Batch">
-          {batch.running && <Button onClick={() => stop(false)} disabled={stopping} title="The running jobs are finished, no other is begun">{stopping ? "Finishing …" : "Stop"}</Button>}
-          {batch.running && stopping && <Button onClick={() => stop(true)} title="The running jobs are broken off, and run again when the batch goes on">Stop at once</Button>}
+          {batch.running && <Button onClick={() => stop(false)} disabled={stopping} title="Let the running jobs finish, and start no further job">{stopping ? "Finishing …" : "Stop"}</Button>}
+          {batch.running && stopping && <Button onClick={() => stop(true)} title="Break off the running jobs; they run again when the batch continues">Stop at once</Button>}
           {!batch.running && batch.done < batch.total && <Button primary onClick={() => call<number>("batches.resume", { id }).then(setJob, toastError)}>Go on</Button>}
-          <Button onClick={() => setComparing(true)} disabled={labels.length < 2} title={labels.length < 2 ? "It has one recipe; the list of batches compares it with another batch" : undefined}>Compare recipes …</Button>
+          <Button onClick={() => setComparing(true)} disabled={labels.length < 2} title={labels.length < 2 ? "This batch has only one recipe; compare it with another batch in the list of batches" : undefined}>Compare recipes …</Button>
           <Button onClick={() => call<number>("batches.write_report", { id }).then(setJob, toastError)} disabled={!batch.done} title="The results as one file, in reports/">Write the page</Button>
         </div>
       </header>
@@ -127,7 +127,7 @@ function Behind({ id, asked, done, onClose }: { id: string; asked: Asked; done: 
             </p>
             {each.run
               ? <a className="button" href={href("run", each.run)}>Open the run</a>
-              : <Button onClick={() => call<number>("batches.rerun", { id, job: each.job }).then(setNumber, toastError)} title="Its log was not kept: run it again and compare">Run again</Button>}
+              : <Button onClick={() => call<number>("batches.rerun", { id, job: each.job }).then(setNumber, toastError)} title="The job's log was not kept: run the job again and compare">Run again</Button>}
           </li>
         ))}
       </ul>

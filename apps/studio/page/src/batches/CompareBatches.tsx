@@ -32,7 +32,7 @@ export function CompareBatches({ ids, onClose }: { ids: string[]; onClose(): voi
         <Field label={`B: ${second}`}>
           {(attributes) => <select {...attributes} value={other} onChange={(event) => setLabels([labels[0], event.target.value])}>{b.map((each) => <option key={each}>{each}</option>)}</select>}
         </Field>
-        <Button primary onClick={start} disabled={same || !a.length || !b.length || job?.ended === null} title={same ? "Choose two that differ" : undefined}>Compare</Button>
+        <Button primary onClick={start} disabled={same || !a.length || !b.length || job?.ended === null} title={same ? "Choose two different recipes" : undefined}>Compare</Button>
       </div>
       {job && <JobView key={job.number} job={job} output />}
     </Dialog>

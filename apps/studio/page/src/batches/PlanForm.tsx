@@ -10,8 +10,8 @@ export type FormValues = Record<string, unknown>;
 
 const LISTS: [key: string, label: string, hint: string, kind: string][] = [
   ["missions", "Missions", "files, from the plan's folder", "mission"],
-  ["scenes", "Scenes", "instead of the missions' own; empty: their own", "scene"],
-  ["robots", "Robots", "instead of the scenes' own; empty: their own", "robot"],
+  ["scenes", "Scenes", "replace the missions' own scenes; empty: keep these", "scene"],
+  ["robots", "Robots", "replace the scenes' own robots; empty: keep these", "robot"],
   ["faults", "Faults", "files; none is a run without faults", "faults"],
 ];
 
@@ -20,7 +20,7 @@ export function PlanForm({ path, values, onChange }: { path: string; values: For
     <div className="plan-form">
       <Text label="Name" hint="the file's name unless given" value={words(values.name)} onDone={(text) => onChange("name", text || null)} />
       {LISTS.map(([key, label, hint, kind]) => <List key={key} path={path} label={label} hint={hint} kind={kind} value={list(values[key])} onDone={(found) => onChange(key, found.length || key === "missions" ? found : null)} />)}
-      <Text label="Seeds" hint="0:100 is half open; 3,7 is good, too" value={words(values.seeds)} onDone={(text) => onChange("seeds", text || null)} />
+      <Text label="Seeds" hint="0:100 (100 not included), or 3,7" value={words(values.seeds)} onDone={(text) => onChange("seeds", text || null)} />
       <Text label="Settings" hint="a port or parameter with its values, as SortOne/Grasp.force=15,30; several with ;" value={settings(values.set)} onDone={(text) => onChange("set", parsed(text))} />
       <Choice label="Backend" value={words(values.backend) || "physics"} options={["physics", "kinematic"]} onDone={(text) => onChange("backend", text)} />
       <Choice label="Logs that stay" value={words(values.keep) || "failures"} options={["failures", "all", "none"]} onDone={(text) => onChange("keep", text)} />

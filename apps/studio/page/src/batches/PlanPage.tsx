@@ -25,7 +25,7 @@ interface Checked {
   forecast?: Forecast;
 }
 
-const NEW_PLAN = "picktree: 1\nkind: plan\n# The missions that are tried, each with all of what stands below.\nmissions: []\nseeds: 0:8\nbackend: physics\n";
+const NEW_PLAN = "picktree: 1\nkind: plan\n# Each of these missions runs with everything that is listed below.\nmissions: []\nseeds: 0:8\nbackend: physics\n";
 const PAUSE = 500; // ms after the last key until the text is kept and checked
 const SHOWN = 60;
 
@@ -99,7 +99,7 @@ function Opened({ path, file }: { path: string; file: PlanText }) {
             {(attributes) => <input {...attributes} inputMode="numeric" className="workers" placeholder="workers: a core each" value={workers} onChange={(event) => setWorkers(event.target.value.replace(/\D/g, ""))} />}
           </Field>
           <Button onClick={() => void save().then(() => toast("Saved", "success"), toastError)} disabled={text === saved.text}>Save</Button>
-          <Button primary onClick={() => void start()} disabled={!forecast || busy} title={forecast ? "Save it and run it" : "It must be without faults"}>Start {forecast ? counted(forecast.jobs, "job") : ""}</Button>
+          <Button primary onClick={() => void start()} disabled={!forecast || busy} title={forecast ? "Save the plan and run it" : "Mend the plan's faults first"}>Start {forecast ? counted(forecast.jobs, "job") : ""}</Button>
         </div>
       </header>
       <div className="plan-panes">
@@ -132,7 +132,7 @@ function Matrix({ forecast }: { forecast: Forecast }) {
       <p>
         {known
           ? `About ${duration(forecast.wall_seconds)} on ${forecast.workers} workers (${duration(forecast.cpu_seconds)} CPU), by ${recorded} or more recorded jobs of each mission.`
-          : "No recorded job of these missions tells how long one takes. The first jobs will."}
+          : "The duration is unknown, because not every mission has recorded jobs. The first jobs will show it."}
       </p>
       <div className="scroll" tabIndex={0} role="region" aria-label="Matrix">
         <table>

@@ -36,7 +36,7 @@ export function LiveRun({ id }: { id: string }) {
   useKeys(state && !over ? { stopped, order } : null);
   if (!state) {
     if (!error) return <p className="loading" role="status">Connecting to the run …</p>;
-    return <Empty title="This run is not in progress"><p>{error.message}</p><p><a className="button" href={href("run", id)}>Open it</a> <a className="button" href={href("live")}>Runs that go on</a></p></Empty>;
+    return <Empty title="This run is not in progress"><p>{error.message}</p><p><a className="button" href={href("run", id)}>Open it</a> <a className="button" href={href("live")}>Runs in progress</a></p></Empty>;
   }
   const shows = (panel: Panel) => !narrow || front === panel;
   return (
@@ -73,11 +73,11 @@ function Bar({ id, state, order }: { id: string; state: LiveState; order(line: s
         </p>
       ) : (
         <div className="buttons" role="toolbar" aria-label="Steer the run">
-          {stop ? <Button primary onClick={() => order("continue")} title="Go on to the next breakpoint (space)">Go on</Button>
+          {stop ? <Button primary onClick={() => order("continue")} title="Continue to the next breakpoint (space)">Go on</Button>
             : <Button onClick={() => order("pause")} disabled={Boolean(question)} title="Stop at the end of the next tick (space)">Pause</Button>}
-          <Button onClick={() => order("step")} disabled={!stop} title="To the end of the present or next tick (.)">Step a tick</Button>
-          <Button className="wide-only" onClick={() => order("next")} disabled={!stop} title="To the next start or end of a node (n)">Next node</Button>
-          <Button className="wide-only" onClick={() => setAsking("take")} title="Another mission takes over between two items">Take over a mission …</Button>
+          <Button onClick={() => order("step")} disabled={!stop} title="Continue to the end of the tick (.)">Step a tick</Button>
+          <Button className="wide-only" onClick={() => order("next")} disabled={!stop} title="Continue to the next start or end of a node (n)">Next node</Button>
+          <Button className="wide-only" onClick={() => setAsking("take")} title="Continue with another mission after the present item">Take over a mission …</Button>
           <Button className="danger" onClick={() => setAsking("halt")} title="Bring the arm to rest and end the run">Halt …</Button>
         </div>
       )}

@@ -45,7 +45,7 @@ export const Stage = memo(function Stage({ id, state }: { id: string; state: Liv
       <div className="live-tools">
         <span ref={tools} />
         <Button pressed={truth} onClick={() => setTruth(!truth)} title="True poses of the bodies, unknown to the robot">Truth</Button>
-        <span className="muted wide-only">{state.belief.length} bodies believed in, {state.truth.length} there</span>
+        <span className="muted wide-only">{state.belief.length} bodies in the belief, {state.truth.length} in truth</span>
       </div>
     </>
   );

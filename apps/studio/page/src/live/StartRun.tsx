@@ -45,8 +45,8 @@ export function StartRun({ mission: first }: { mission: string }) {
   const mission = missions.some((file) => file.path === chosen) ? chosen : (missions[0]?.path ?? "");
   return (
     <div className="start-run">
-      <section className="card" aria-label="Runs that go on">
-        <h1>Runs that go on <span className="count">{runs?.length ?? 0}</span></h1>
+      <section className="card" aria-label="Runs in progress">
+        <h1>Runs in progress <span className="count">{runs?.length ?? 0}</span></h1>
         {runs && !runs.length && <p className="muted">None goes on in this folder. One that is started here goes on when this page, or the studio, is closed.</p>}
         <ul>
           {runs?.map((run) => (
@@ -73,7 +73,7 @@ export function StartRun({ mission: first }: { mission: string }) {
   );
 }
 
-const PACES: [value: string, words: string][] = [["1", "as fast as the clock"], ["0.25", "a quarter of it"], ["4", "four times it"], ["0", "as fast as it can"]];
+const PACES: [value: string, words: string][] = [["1", "real time"], ["0.25", "a quarter of real time"], ["4", "four times real time"], ["0", "as fast as possible"]];
 
 function OrderForm({ mission }: { mission: string }) {
   const { value: form, error } = useCall<Form>("live.form", { mission });
@@ -122,7 +122,7 @@ function OrderForm({ mission }: { mission: string }) {
     <form className="order" onSubmit={(event) => { event.preventDefault(); void start(); }}>
       <div className="order-fields">
         {choice("scene", "Scene", [["", form.scene ? `${form.scene}, the mission's` : "the mission names none"], ...same(form.scenes)])}
-        <Field label="Seed" hint="of everything random; the same gives the same run">
+        <Field label="Seed" hint="of all random numbers; the same seed gives the same run">
           {(attributes) => <input {...attributes} type="number" min={0} max={2147483647} step={1} value={value("seed", "0")} onChange={(event) => set("seed", event.target.value)} />}
         </Field>
         {choice("backend", "Backend", [["physics", "physics"], ["kinematic", "kinematic: objects follow the gripper"]], "physics")}

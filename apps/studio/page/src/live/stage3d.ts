@@ -51,7 +51,7 @@ export class LiveStage {
     try {
       this.renderer = new WebGLRenderer({ antialias: true, powerPreference: "low-power" });
     } catch {
-      throw new Error("This browser draws no 3-D (WebGL is missing or switched off). All else on this page works without it.");
+      throw new Error("This browser cannot draw in 3-D (WebGL is missing or switched off). The rest of this page works.");
     }
     this.renderer.debug.checkShaderErrors = false; // to ask would be to wait for them
     this.renderer.shadowMap.enabled = true;

@@ -80,7 +80,7 @@ function FailureCard({ failure, current, go }: { failure: Failure; current: bool
         <details>
           <summary>why</summary>
           <p>{failure.sentence}{failure.remedy && ` What helps: ${failure.remedy}.`}</p>
-          {failure.because_of !== null && <p>It follows from failure {failure.because_of + 1}.</p>}
+          {failure.because_of !== null && <p>This failure follows from failure {failure.because_of + 1}.</p>}
           {failure.observed.map((sentence, place) => <p key={place}>{sentence}</p>)}
         </details>
       )}

@@ -8,7 +8,7 @@ export function RunJob({ number, onClose }: { number: number; onClose(): void })
   return (
     <section className="card run-job" aria-label={job.title}>
       <JobView job={job} output />
-      <button className="icon" aria-label="Close" title="Close; it goes on" onClick={onClose}>×</button>
+      <button className="icon" aria-label="Close" title="Close; the job continues" onClick={onClose}>×</button>
     </section>
   );
 }

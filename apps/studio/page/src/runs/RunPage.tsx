@@ -82,9 +82,9 @@ function Opened({ run, place, refresh }: { run: OpenedRun; place: Place; refresh
         </div>
         <div className="buttons" role="toolbar" aria-label="From this moment">
           {live && <a className="button" href={href("live", run.id)}>Watch it live</a>}
-          {run.status === "running" && <Button onClick={refresh}>Show what has come since</Button>}
-          <Button primary onClick={() => setOpen("whatif")} disabled={run.mission_text === undefined} title="Go on from the checkpoint before this moment, with something changed">What if …</Button>
-          <Button onClick={() => start("runs.resim")} title="Run it again from its log, and compare">Run again</Button>
+          {run.status === "running" && <Button onClick={refresh}>Show the new part of the log</Button>}
+          <Button primary onClick={() => setOpen("whatif")} disabled={run.mission_text === undefined} title="Resume from the checkpoint before this moment, with a change">What if …</Button>
+          <Button onClick={() => start("runs.resim")} title="Repeat the run from its log, and compare">Run again</Button>
           <Button onClick={() => setOpen("compare")}>Compare …</Button>
           <Button onClick={() => start("runs.write_report")} title="The report as one file, in reports/">Write the page</Button>
           <Button onClick={() => start("runs.write_film")} title="Writes into films/">Make the film</Button>

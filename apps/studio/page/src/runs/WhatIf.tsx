@@ -49,7 +49,7 @@ export function WhatIf({ run, time, onClose }: { run: OpenedRun; time: number; o
     <Dialog title="What if" onClose={onClose} wide>
       <div className="whatif">
         <div className="whatif-head">
-          <Field label="From" fault={bad} hint={run.checkpoints ? `the last of ${run.checkpoints} checkpoints before it` : "the log has no checkpoint: from its beginning"}>
+          <Field label="From" fault={bad} hint={run.checkpoints ? `the last of ${run.checkpoints} checkpoints before this time` : "the log has no checkpoint: from its beginning"}>
             {(attributes) => <input {...attributes} inputMode="decimal" value={at} onChange={(event) => setAt(event.target.value)} />}
           </Field>
           <Field label="Mission from">
@@ -61,7 +61,7 @@ export function WhatIf({ run, time, onClose }: { run: OpenedRun; time: number; o
             )}
           </Field>
           <fieldset>
-            <legend>Faults from there on</legend>
+            <legend>Faults from the checkpoint on</legend>
             {([["recorded", "as recorded"], ["none", "none"], ["edited", "as written below"]] as [Faults, string][]).map(([value, text]) => (
               <label key={value}><input type="radio" name="faults" checked={kind === value} onChange={() => { setKind(value); setPart(value === "edited" ? "faults" : "mission"); }} /> {text}</label>
             ))}
@@ -79,7 +79,7 @@ export function WhatIf({ run, time, onClose }: { run: OpenedRun; time: number; o
         <div className="buttons">
           <Button primary onClick={start} disabled={Boolean(bad) || job?.ended === null}>Go on from there</Button>
           {changed && <Button onClick={() => setMission(source.text)}>{source.file ? "The mission as it is" : "The mission as recorded"}</Button>}
-          <span className="muted note">{changed ? "The mission is changed; it is written as a file beside it." : source.file ? `${source.file} is as it is.` : "The mission is as recorded."}</span>
+          <span className="muted note">{changed ? "The mission is changed; the changed text is written as a new file beside it." : source.file ? `${source.file} is unchanged.` : "The mission is as recorded."}</span>
         </div>
         {job && <JobView key={job.number} job={job} output />}
       </div>

@@ -22,11 +22,11 @@ export interface FolderState {
 
 const KINDS: [kind: string, many: string, what: string][] = [
   ["mission", "Missions", "what the robot does, as a tree"],
-  ["scene", "Scenes", "where things stand, and what is spawned"],
-  ["faults", "Faults", "what is made to go wrong"],
+  ["scene", "Scenes", "the place of each fixture, and the spawned items"],
+  ["faults", "Faults", "faults that the simulation injects"],
   ["cases", "Cases", "rehearsals of a mission"],
   ["plan", "Plans", "batches of runs"],
-  ["robot", "Robots", "arms of one's own"],
+  ["robot", "Robots", "your own robot arms"],
 ];
 // Routes that open a file, by its kind.
 const PAGES: Record<string, string> = { mission: "write", plan: "plan" };
@@ -110,10 +110,10 @@ function Trust({ trusted, refresh }: { trusted: boolean; refresh(): void }) {
           ? "Plug-ins of missions in this folder are run: Python files that may do whatever you may."
           : "Plug-ins of missions in this folder are not run: they are Python files that may do whatever you may. A mission that needs one is refused until you trust the folder."}
       </p>
-      {trusted ? <Button onClick={() => set(false)}>Trust it no longer</Button> : <Button onClick={() => setAsking(true)}>Trust this folder …</Button>}
+      {trusted ? <Button onClick={() => set(false)}>Stop trusting it</Button> : <Button onClick={() => setAsking(true)}>Trust this folder …</Button>}
       {asking && (
         <Dialog title="Trust the plug-ins of this folder?" onClose={() => setAsking(false)}>
-          <p>From now on, Python files that missions of this folder name run with your rights. Read them first when the folder is from somebody else.</p>
+          <p>From now on, missions of this folder run their Python files with your rights. If the folder is from somebody else, read these files first.</p>
           <p className="buttons"><Button primary onClick={() => set(true)}>Trust this folder</Button> <Button onClick={() => setAsking(false)}>Cancel</Button></p>
         </Dialog>
       )}

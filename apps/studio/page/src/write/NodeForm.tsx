@@ -42,8 +42,8 @@ export function NodeForm({ path, text, node, palette, change }: NodeFormProps) {
         <p className="muted mono">{node.id}</p>
         {entry && <p><Prose text={entry.summary} /></p>}
         {node.symbol === "unknown" && <p className="problem">There is no node of this name. Its text and its ports stay as they are.</p>}
-        {node.listed && <p>It is written as a list: its nodes are run in turn. A list has no ports.</p>}
-        {node.aliased && <p className="problem">Its text stands at an anchor: edit it there.</p>}
+        {node.listed && <p>This Sequence is written as a list of its nodes. A list has no ports.</p>}
+        {node.aliased && <p className="problem">The text of this node is at an anchor: edit it there.</p>}
       </header>
       {!node.listed && !node.aliased && (
         <>

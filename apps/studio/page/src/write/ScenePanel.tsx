@@ -60,7 +60,7 @@ export function ScenePanel({ path, scene }: { path: string; scene: string }) {
     try {
       made = new Stage(host.current!, () => now.current.file !== null, setChosen, move);
     } catch {
-      return setError("This browser draws no 3-D (WebGL).");
+      return setError("This browser cannot draw in 3-D (WebGL).");
     }
     stage.current = made;
     return () => {
@@ -124,7 +124,7 @@ export function ScenePanel({ path, scene }: { path: string; scene: string }) {
       </div>
       <div className="scene-view" ref={host} role="img" aria-label={`Scene ${scene} with seed ${seed}: ${counted(items, "item")}, ${fixed.map((each) => each.name).join(", ")}`} />
       {error && <p className="problem" role="alert">{error}</p>}
-      <Field label="Fixture or bin" hint={file ? "Drag it in the picture, or write its place." : "A shipped scene is not changed: copy it beside the mission first."}>
+      <Field label="Fixture or bin" hint={file ? "Drag the fixture in the picture, or write its place." : "A shipped scene is not changed: copy it beside the mission first."}>
         {(attributes) => <select {...attributes} value={chosen} onChange={(event) => choose(event.target.value)}><option value="">none</option>{fixed.map((each) => <option key={each.name}>{each.name}</option>)}</select>}
       </Field>
       {body && file && (

@@ -151,7 +151,7 @@ export function WritePage({ path }: { path: string }) {
         <Button primary onClick={() => void writing.save()} disabled={!view || !writing.unsaved} title="Ctrl+S">Save</Button>
         <Button onClick={() => view && undo(view)} disabled={!writing.undoable} title="Ctrl+Z">Undo</Button>
         <Button onClick={() => view && redo(view)} disabled={!writing.redoable} title="Ctrl+Shift+Z">Redo</Button>
-        <Button onClick={() => void run()} disabled={!view} title={writing.unsaved ? "Save it, and start a run of it" : "Start a run of it"}>Run …</Button>
+        <Button onClick={() => void run()} disabled={!view} title={writing.unsaved ? "Save the mission, and start a run" : "Start a run of this mission"}>Run …</Button>
         <span className="space" />
         <select aria-label="Trees in the picture" value={only} onChange={(event) => setOnly(event.target.value)}>
           <option value="">All trees</option>
@@ -169,7 +169,7 @@ export function WritePage({ path }: { path: string }) {
         </section>
         <section className="write-picture" aria-label="Picture" onKeyDownCapture={keys} onDragOver={(event) => { if (event.dataTransfer.types.includes(DRAGGED)) event.preventDefault(); }} onDrop={dropped}>
           {root ? <TreeView root={root} marks={marks} selected={selected} onSelect={choose} onMove={move} onMenu={openMenu} /> : <p className="loading">Reading the mission…</p>}
-          {mission && !mission.whole && <p className="stale" role="status">The text has a fault of form. The picture shows what can be read.</p>}
+          {mission && !mission.whole && <p className="stale" role="status">The text has a syntax fault. The picture shows the part that can be read.</p>}
         </section>
         <aside className="write-side" aria-label="Tools">
           <div className="tabs" role="tablist">
