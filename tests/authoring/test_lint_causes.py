@@ -25,8 +25,8 @@ def test_each_source_is_named_with_its_causes() -> None:
         f"{hint('Timeout')}",
         "P310 5:35 Main/Sequence/Timeout/Observe: nothing handles perception.not_found, perception.no_image: "
         f"such a failure ends the mission {hint('Observe')}",
-        f"P310 6:9 Main/Sequence/OpenGripper: nothing handles control.gripper: such a failure ends the mission "
-        f"{hint('OpenGripper')}",
+        "P310 6:9 Main/Sequence/OpenGripper: nothing handles control.gripper: such a failure ends the "
+        f"mission {hint('OpenGripper')}",
     ]
 
 

@@ -49,8 +49,8 @@ def faults(case: str) -> list[str]:
          "'Main/Recover/Look' ('Look' stands at Main/Sequence/Look)"),
         ("'/': SUCCESS", "P703 6:7: /: the pattern is empty (as SortOne/Grasp)"),
         ("Recover: SUCCESS", "P704 6:7: Recover: 'Recover' is a node of the language (Recover), for which "
-         "a case cannot give answers (answer for the leaves below it, or set what it reads by 'facts' or 'objects'; "
-         "known: Look, Pick, Put, Go, Ready, Weigh)"),
+         "a case cannot give answers (answer for the leaves below it, or set what it reads by 'facts' or "
+         "'objects'; known: Look, Pick, Put, Go, Ready, Weigh)"),
         # Answers.
         ("Pick: 3", "P710 6:13: Pick: an answer is a status, a cause or a mapping, not 3 (as SUCCESS, or "
          "{cause: grasp.missed, ticks: 3})"),
@@ -172,9 +172,9 @@ def test_the_world_of_a_case(line: str, fault: str) -> None:
          "P714 5:22: status: a mission is IDLE only when it was halted (say so with 'halt_after')"),
         ("{order: [Pick, Puts]}",
          "P703 5:28: order[1]: no node of the mission fits 'Puts' (did you mean 'Put'?)"),
-        ("{order: [Recover]}", "P704 5:22: order[0]: 'Recover' is a node of the language (Recover), for which "
-         "a case cannot give answers (leave it out: 'order' lists skills and conditions; 'handled' and 'never' name "
-         "any node; known: Look, Pick, Put, Go, Ready, Weigh)"),
+        ("{order: [Recover]}", "P704 5:22: order[0]: 'Recover' is a node of the language (Recover), for "
+         "which a case cannot give answers (leave it out: 'order' lists skills and conditions; 'handled' and "
+         "'never' name any node; known: Look, Pick, Put, Go, Ready, Weigh)"),
         ("{order: [{Pick: missed}]}", "P714 5:29: order[0].Pick: 'missed' is neither an outcome nor a cause "
          "(did you mean 'grasp.missed'?)"),
         ("{order: [{Pick: place.full}]}", "P706 5:29: order[0].Pick: Pick does not fail with place.full (it "
