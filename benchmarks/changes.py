@@ -83,7 +83,7 @@ class Looker:
         image = replace(still, stamp=self.now, depth=depth.astype(np.float32))
         known = list(self.scene.objects)
         began = time.process_time()
-        work = self.perception.understand(image, np.zeros(7), 0.08, None, known, self.memory)
+        work = self.perception.understand(image, np.zeros(7), 0.08, None, known, self.memory, known)
         while True:
             try:
                 next(work)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Collection, Generator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
 
 from picktree.robot.perception import (
+    WORK_PER_TICK,
     BinView,
     HeldView,
     ObservationSummary,
@@ -67,11 +68,6 @@ class CapturedImage:
     """Held object as believed at the time of capture; None: the hand was empty."""
 
 
-FITS_PER_TICK = 4
-"""Number of fits in a tick after which the evaluation of an image is continued in the next one while the arm
-moves."""
-
-
 class Look:
     """Image whose evaluation is in progress. `advance` it once in each tick until it is `done`, then merge it
     by `Vision.merge`."""
@@ -84,21 +80,21 @@ class Look:
         """Result; None while the evaluation is in progress."""
         self._work = work
         self._stopwatch = stopwatch
-        self._fits = 0
+        self._spent = 0
 
     @property
     def done(self) -> bool:
         return self.view is not None
 
-    def advance(self, fits: float = FITS_PER_TICK) -> None:
-        """Evaluate the image further, until so many more fits were computed or the evaluation is done."""
+    def advance(self, work: float = WORK_PER_TICK) -> None:
+        """Evaluate the image further, until so much more work or all of it is done."""
         if self.done:
             return
-        until = self._fits + fits
+        until = self._spent + work
         with self._stopwatch.measure("perception"):
             try:
-                while self._fits < until:
-                    self._fits = next(self._work)
+                while self._spent < until:
+                    self._spent = next(self._work)
             except StopIteration as done:
                 self.view = done.value
 
@@ -107,7 +103,8 @@ class Vision:
     """Cameras of the cell, and the latest view of each bin.
 
     `joints` and `width` give the arm's configuration (n,) rad and the opening m: the robot masks itself.
-    While the arm is not `at_rest`, the evaluation of an image is spread over several ticks.
+    While the arm is not `at_rest`, the evaluation of an image is spread over several ticks. Objects that are
+    `doubted`, as after a failed grasp, are recognised again in each image.
     """
 
     def __init__(
@@ -122,6 +119,7 @@ class Vision:
         joints: Callable[[], Array],
         width: Callable[[], float],
         at_rest: Callable[[], bool] = lambda: True,
+        doubted: Callable[[], Collection[str]] = tuple,
         stopwatch: Stopwatch | None = None,
     ) -> None:
         self._cameras = cameras
@@ -135,6 +133,7 @@ class Vision:
         self._joints = joints
         self._width = width
         self._at_rest = at_rest
+        self._doubted = doubted
         self._stopwatch = stopwatch or Stopwatch()
         self._still = frozenset(cameras) - perceive.moving
         self.memories = {name: PictureMemory() for name in self._still}
@@ -189,8 +188,8 @@ class Vision:
         return seen
 
     def observe(self, camera: str, *, fresh: bool = False) -> Generator[None, None, ObservationSummary]:
-        """Observe with `camera`; the belief changes after the charged time. All objects that are not set
-        aside are recognised again; with `fresh` these are, too.
+        """Observe with `camera`; the belief changes after the charged time. Objects are recognised where
+        the image has changed; with `fresh` everywhere.
 
         Raises Failure: perception.not_found for an unknown camera, perception.no_image when a few frames
         bring no new image.
@@ -214,8 +213,11 @@ class Vision:
     def begin(self, shot: CapturedImage, known: Sequence[BeliefObject]) -> Look:
         """Begin to evaluate an image in the present belief. Objects that are `known` are looked for where
         they are believed, and recognised only where they do not fit."""
-        memory = self.memories.get(shot.image.camera)
-        work = self._perceive.understand(shot.image, shot.joints, shot.width, shot.held, known, memory)
+        memory, doubted = self.memories.get(shot.image.camera), self._doubted()
+        believed = [o for o in self._scene.objects if o.place == world_facts.ASIDE or o.id not in doubted]
+        work = self._perceive.understand(
+            shot.image, shot.joints, shot.width, shot.held, known, memory, believed
+        )
         return Look(shot, work, self._stopwatch)
 
     def capture_now(self, camera: str) -> CapturedImage:

@@ -81,6 +81,7 @@ def assemble_world(
     journal = Journal()
     streams = RandomStreams(seed)
     thinking = ComputeTimeAccount(TICK_LENGTH)
+    attempts = world_facts.AttemptMemory()
     control = ControlLoop(hardware, model, SafetyMonitor(model, scene.limits, journal), watch)
     gripper = GripperControl(hardware.gripper, hardware.clock, robot.gripper, opening_force(scene.catalogue))
     queries = SceneQueries(model, belief)
@@ -112,6 +113,7 @@ def assemble_world(
         joints=lambda: control.state.position,
         width=lambda: gripper.width,
         at_rest=lambda: control.at_rest,
+        doubted=lambda: attempts.objects,
         stopwatch=watch,
     )
     return World(
@@ -120,7 +122,7 @@ def assemble_world(
         clock=hardware.clock,
         scene=belief,
         journal=journal,
-        attempts=world_facts.AttemptMemory(),
+        attempts=attempts,
         streams=streams,
         thinking=thinking,
         control=control,

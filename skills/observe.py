@@ -30,8 +30,8 @@ class Observe(Skill):
         "object that must be in view, else the node fails; without it, any view will do", default=ObjectId("")
     )
     fresh: In[bool] = port(
-        "whether everything in the image is recognised anew, also objects that were set aside and have not "
-        "changed since",
+        "whether everything in the image is recognised anew; otherwise objects without a change in the image "
+        "are only confirmed",
         default=False,
     )
     objects: Out[list[ObjectId]] = port(

@@ -105,6 +105,7 @@ class WatchScene(Decorator):
         try:
             shot = world.vision.capture_now(self.camera)
             self._pending = world.vision.begin(shot, world.scene.objects)
+            self._pending.advance()
         except Failure as failure:
             if failure.cause is not perception.NO_IMAGE or now - self._seen > self.blind:
                 self.body.halt()

@@ -103,6 +103,11 @@ class AttemptMemory:
             for key in [key for key in memory if key.rpartition("|")[2] == subject]:
                 del memory[key]
 
+    @property
+    def objects(self) -> frozenset[str]:
+        """Objects with failed candidates or refusals."""
+        return frozenset(key.rpartition("|")[2] for key in (*self._tried, *self.refusals))
+
     def state(self) -> dict[str, list[str]]:
         return {key: list(names) for key, names in self._tried.items()}
 

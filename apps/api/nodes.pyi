@@ -978,7 +978,7 @@ class Observe(Node):
     Ports:
         camera: the camera to look through; default overhead.
         expect: object that must be in view, else the node fails; without it, any view will do.
-        fresh: whether everything in the image is recognised anew, also objects that were set aside and have not changed since; default False.
+        fresh: whether everything in the image is recognised anew; otherwise objects without a change in the image are only confirmed; default False.
         objects: ids of the items outside their destination, in the order in which to take them. Output: the key to write, as '{objects}'.
     """
 

@@ -56,7 +56,7 @@ def observe_closely(world: World, camera: str, name: ObjectId, pictures: int) ->
     yield from world.control.settle()
     found: list[BeliefObject] = []
     for _ in range(pictures):
-        summary = yield from world.vision.observe(camera)
+        summary = yield from world.vision.observe(camera, fresh=True)
         belief = world.scene.find(name)
         if name in summary.seen and belief is not None:
             found.append(belief)

@@ -1,4 +1,4 @@
-from .pipeline import Perception as Perception
+from .pipeline import WORK_PER_TICK as WORK_PER_TICK, Perception as Perception
 
 # for other rooms
 from . import segmentation as segmentation

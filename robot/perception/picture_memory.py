@@ -149,12 +149,12 @@ class PictureMemory:
         self._patches = []
 
     def compare(
-        self, picture: SegmentationInput, noise: float, known: Sequence[BeliefObject], now: float
+        self, picture: SegmentationInput, noise: float, believed: Sequence[BeliefObject], now: float
     ) -> UnchangedContents:
         """Claim the patches of `picture` that have not changed, and return their contents.
 
-        `noise`: standard deviation of the depth at 0.7 m, m. Objects that are not `known` at their
-        remembered pose are recognised again. Changed patches are forgotten.
+        `noise`: standard deviation of the depth at 0.7 m, m. Patches of objects that are not `believed`
+        at their remembered pose are recognised again. Changed patches are forgotten.
         """
         if picture.depth.shape != self._shape:
             self._shape, self._patches = picture.depth.shape, []
@@ -163,7 +163,7 @@ class PictureMemory:
         changed, visible = self._changes(picture, noise)
         self._patches = [each for each, gone in zip(self._patches, changed, strict=True) if not gone]
         shares = [share for share, gone in zip(visible, changed, strict=True) if not gone]
-        poses = {o.id: o.pose for o in known if not o.attached}
+        poses = {o.id: o.pose for o in believed if not o.attached}
         review = self._due(shares, now)
         seen: list[ObjectId] = []
         patches: list[PixelPatch] = []

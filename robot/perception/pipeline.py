@@ -76,6 +76,9 @@ class MaskedPicture:
         return NEAR_DEPTH_SIGMA if self.moving else MODEL_DEPTH_SIGMA
 
 
+WORK_PER_TICK = 3
+"""Work after which the evaluation of an image is continued in the next tick while the arm moves, in fits.
+Masking the robot takes as long, and so do height maps and free rays together."""
 MIN_PATCH_PIXELS = 10
 """Least number of pixels of a patch of colour."""
 MIN_ITEM_HEIGHT = 0.002
@@ -153,22 +156,25 @@ class Perception:
         held: BeliefObject | None,
         known: Sequence[BeliefObject] = (),
         memory: PictureMemory | None = None,
+        believed: Sequence[BeliefObject] = (),
     ) -> Generator[int, None, PerceivedView]:
         """Compute the view in a picture, taken with the arm at `joints` (n,) rad and the fingers `width` m
-        open. Yields the number of fits so far, after each part of the work.
+        open. Yields the work so far after each part of it, in `WORK_PER_TICK`: a fit counts as 1.
 
         A patch that one of the `known` objects fits near its believed pose is that object. All others are
-        recognised, except those that have not changed since the `memory` of this camera understood them.
+        recognised, except those that have not changed since the `memory` of this camera understood them, and
+        whose objects are `believed`.
         """
         shot = self._shot(image, joints, width, held)
         picture, finding = shot.picture, _Finding(self, shot, known)
-        yield 0
+        yield WORK_PER_TICK
         unchanged = UnchangedContents()
         if memory is not None and not shot.moving:
-            unchanged = memory.compare(picture, shot.noise, known, image.stamp)
+            unchanged = memory.compare(picture, shot.noise, believed, image.stamp)
             finding.unexplained += unchanged.unexplained
         for _ in finding.items(unchanged):
-            yield finding.fitter.count.fits
+            yield WORK_PER_TICK + finding.fitter.count.fits
+        yield 2 * WORK_PER_TICK + finding.fitter.count.fits
         finding.things()
         bins = {b.id: bin_height_map(picture, shot.robot, b, shot.noise) for b in self._description.bins}
         return PerceivedView(

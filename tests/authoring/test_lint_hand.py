@@ -245,6 +245,6 @@ def test_the_end_of_a_clean_up() -> None:
     """
     # Whatever the last child does, the mission fails, and with what was there before.
     assert lint(text % "{Place: {object: a, into: red_bin}}", "P330", "P333") == [
-        "P330 2:22 Main/TryCatch/Grasp: the hand may still hold the object of Grasp at the end of the mission, "
-        f"when it succeeds {AFTER}"
+        "P330 2:22 Main/TryCatch/Grasp: the hand may still hold the object of Grasp at the end of the "
+        f"mission, when it succeeds {AFTER}"
     ]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from picktree.logs import log_records
-from picktree.robot.perception import Perception, PictureMemory, PictureState, update_belief
+from picktree.robot.perception import WORK_PER_TICK, Perception, PictureMemory, PictureState, update_belief
 from picktree.world import BeliefObject, PlanningScene, Pose
 
 from .perception_pictures import (
@@ -47,8 +47,10 @@ class Looker:
         """Return the number of fits of one look."""
         self.now += after
         image = replace(photograph(things, seed=round(10 * self.now)), stamp=self.now)
-        known, fits = self.scene.objects, [0]
-        work = Perception(SCENE, self.robot).understand(image, np.zeros(7), 0.08, None, known, self.memory)
+        known, fits = self.scene.objects, list[int]()
+        work = Perception(SCENE, self.robot).understand(
+            image, np.zeros(7), 0.08, None, known, self.memory, known
+        )
         while True:
             try:
                 fits.append(next(work))
@@ -57,7 +59,7 @@ class Looker:
                 break
         summary = update_belief(self.scene, view, self.now)
         self.memory.keep(view, {n: self.scene.get(name) for n, name in summary.objects.items()})
-        return max(fits)
+        return max(fits) - 2 * WORK_PER_TICK
 
     def believed(self, colour: str) -> BeliefObject | None:
         return next((o for o in self.scene.objects if o.colour == colour), None)

@@ -1,4 +1,4 @@
-"""A look recognises everything anew but what was set aside."""
+"""What a look recognises anew: changed and doubted items, and with `fresh` all that are not set aside."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from picktree.robot.perception.segmentation import Blob
 from .test_eyes_missing import cell, driven
 
 
-def test_a_look_does_not_recognise_what_was_set_aside(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_look_recognises_what_is_new_doubted_or_wanted_fresh(monkeypatch: pytest.MonkeyPatch) -> None:
     world, recognised, explain = cell("x"), list[str](), ItemFitter.explain
 
     def noting(self: ItemFitter, blob: Blob, *arguments: object) -> object:
@@ -30,4 +30,13 @@ def test_a_look_does_not_recognise_what_was_set_aside(monkeypatch: pytest.Monkey
     second = driven(world, world.vision.observe("overhead"))
     assert sorted(second.seen) == sorted(first.seen)
     assert world.scene.get(given_up.id).place == "aside"
+    assert recognised == []
+    for doubted in (given_up, others[0]):
+        world.attempts.failed("Grasp", doubted.id, "from above")
+    world.control.step_tick(1.0)
+    driven(world, world.vision.observe("overhead"))
+    assert recognised == [others[0].colour]
+    recognised.clear()
+    world.control.step_tick(1.0)
+    driven(world, world.vision.observe("overhead", fresh=True))
     assert sorted(recognised) == sorted(one.colour for one in others)

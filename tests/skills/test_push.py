@@ -145,15 +145,15 @@ def test_a_stroke_is_six_centimetres_long_at_most_unless_few_are_allowed() -> No
 
 def test_what_is_there_already_is_looked_at_five_times_and_left() -> None:
     cell = beside(block=(0.50, 0.0, 0.0))
-    looks, look = list[str](), cell.world.vision.observe
+    looks, look = list[tuple[str, bool]](), cell.world.vision.observe
 
-    def looking(camera: str) -> Any:
-        looks.append(camera)
-        return look(camera)
+    def looking(camera: str, *, fresh: bool = False) -> Any:
+        looks.append((camera, fresh))
+        return look(camera, fresh=fresh)
 
     cell.world.vision.observe = looking  # type: ignore[method-assign]
     assert push(cell, f"object: {named(cell, 'block')}, to: [0.5, 0.0], camera: overhead") == ""
-    assert (made(cell), looks) == ([], ["overhead"] * 5)
+    assert (made(cell), looks) == ([], [("overhead", True)] * 5)
 
 
 def test_with_no_side_left_there_is_no_stroke() -> None:

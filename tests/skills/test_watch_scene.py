@@ -106,7 +106,7 @@ def test_a_picture_is_known_when_its_evaluation_is_done() -> None:
     watched = Watched()
     watched.cell.world.vision.cost, watched.work = 0.1, 6
     watched.until(0.4)
-    assert (watched.advanced, watched.known) == (6, pytest.approx([0.3]))
+    assert (watched.advanced, watched.known) == (6, pytest.approx([0.25]))
 
 
 def test_a_picture_older_than_what_is_known_says_nothing() -> None:
