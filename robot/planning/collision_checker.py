@@ -231,21 +231,17 @@ class CollisionChecker:
         """Return every pair that is closer than its margin at q, the deepest first. Slow: for
         explanations."""
         self.checks += 1
-        geometry, least, pieces = self._now.geometry, self._now.least, self._now.pieces
-        data, geometry_data = self._now.distances
+        pairs, least, pieces = self._now.geometry.collisionPairs, self._now.least, self._now.pieces
         found: dict[int, ContactPair] = {}
         for full_q in self._at(q):
-            pin.updateGeometryPlacements(self.model.full, data, geometry, geometry_data, full_q)
-            for index, pair in enumerate(geometry.collisionPairs):
-                distance = pin.computeDistance(geometry, geometry_data, index)
-                margin = float(least[pair.first, pair.second])
-                if distance.min_distance < margin:
-                    a, b = pieces[pair.first], pieces[pair.second]
-                    # The last bits of results depend on memory addresses.
-                    x, y, z = distance.getNearestPoint2().round(DISTANCE_DECIMALS).tolist()
-                    depth = round(float(distance.min_distance), DISTANCE_DECIMALS)
-                    contact = ContactPair(a.name, b.name, depth, (x, y, z), margin)
-                    found[index] = min(contact, found.get(index, contact), key=attrgetter("distance"))
+            for index, distance, point in self._now.gaps.closer(full_q, least):
+                first, second = pairs[index].first, pairs[index].second
+                # The last bits of results depend on memory addresses.
+                x, y, z = point.round(DISTANCE_DECIMALS).tolist()
+                depth = round(distance, DISTANCE_DECIMALS)
+                margin = float(least[first, second])
+                contact = ContactPair(pieces[first].name, pieces[second].name, depth, (x, y, z), margin)
+                found[index] = min(contact, found.get(index, contact), key=attrgetter("distance"))
         return tuple(sorted(found.values(), key=attrgetter("distance")))
 
     def nearest(self, q: Array, within: float = np.inf, *, itself: bool = False) -> ContactPair | None:
