@@ -16,6 +16,7 @@ from .options import (
     RunsFolder,
     Seed,
     ShippedScene,
+    TextFile,
 )
 from .output import end_with, keep_stdout, print_answer, program
 
@@ -78,6 +79,32 @@ def calibrate(
         found = calibrated(request, (view,))
     print_answer(answer, lambda: found.to_text(program()), found.to_json_text)
     end_with(found.output is not None, found.status)
+
+
+def cell(
+    scene: Annotated[str, typer.Argument(metavar="SCENE", help="Shipped scene or scene file.")],
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the items' places, as of `run`.")] = 0,
+    robot: OtherRobot = None,
+    output: TextFile = None,
+) -> None:
+    """Write a scene with its items and its robot as a cell file, one JSON object.
+
+    `python -m picktree_cell` serves it as a robot in MuJoCo, for `run --robot-at`; any other program may read
+    it. Exit code 0: written.
+    """
+    import json
+
+    from picktree.simulation import cell_file
+    from picktree.world.robot_model import load_robot
+    from picktree.world.scene import load_scene
+
+    from .output import require_place, show
+
+    require_place(output)
+    description = load_scene(scene, Path.cwd())
+    beside = Path.cwd() if robot else Path(description.source).parent
+    arm = load_robot(robot or description.robot, beside)
+    show(json.dumps(cell_file(description, arm, seed), allow_nan=False) + "\n", output)
 
 
 def plan(

@@ -34,7 +34,7 @@ from .commands import Controller, JointCommand
 from .external_torque import MIN_EXPLAINED_SHARE
 from .force_guard import ContactGuard, ForceGuard
 from .impedance import CartesianImpedance, ContactReflex
-from .joint_controllers import BrakeController, HoldController
+from .joint_controllers import BrakeController, HoldController, TrajectoryController
 from .motion_lease import Lease
 from .safety_monitor import MonitorState, SafetyMonitor
 from .wrist_wrench import MAX_QUIET_DEVIATION, WRIST_WINDOW, BiasEstimator, WristWrench
@@ -102,6 +102,7 @@ class ArmDrive:
         """Hold the arm at its present configuration; `state` is the encoder reading."""
         self._hardware, self._model = hardware, model
         self._arm, self._clock = hardware.arm, hardware.clock
+        self._preview = hardware.preview
         self.servo = True
         """Whether the last command was a set-point of the servo, not a torque."""
         self.setpoint = JointCommand(state.position.copy(), np.zeros(model.n))
@@ -132,7 +133,10 @@ class ArmDrive:
         if isinstance(command, JointCommand):
             self.setpoint = command
             self.servo = True
-            self._arm.follow(command.position, command.velocity)
+            if self._preview:
+                self._arm.follow(command.position, command.velocity, self._ahead(command))
+            else:
+                self._arm.follow(command.position, command.velocity)
         else:
             self.servo = False
             self._arm.apply_torque(command.torque)
@@ -167,6 +171,13 @@ class ArmDrive:
         self.servo = True
         self.carried = carried
         self.begin(HoldController(hold), state)
+
+    def _ahead(self, command: JointCommand) -> tuple[Array, ...]:
+        """Return the path ahead of a command at the times that the hardware wants; none: it is not known."""
+        controller, after = self.controller, self._hardware.period
+        if isinstance(controller, TrajectoryController):
+            return controller.ahead(tuple(time - after for time in self._preview))
+        return (command.position,) * len(self._preview) if self.held else ()
 
     def _brake_controller(self) -> BrakeController:
         return BrakeController(self._model, self._hardware.period)

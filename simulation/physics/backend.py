@@ -148,6 +148,9 @@ class PhysicsHardware:
         run that made it."""
         return cls(scene, robot, seed, checkpoint)
 
+    takes_torque = True
+    preview = ()
+
     @property
     def feels_effort(self) -> bool:
         return True
