@@ -116,7 +116,9 @@ class Link:
         if not isinstance(answer, protocol.State):
             raise self._unexpected(answer)
         if len(answer.position) != len(self.robot.joints):
-            raise PicktreeError(f"the robot at {self.address} sends the state of {len(answer.position)} joints")
+            raise PicktreeError(
+                f"the robot at {self.address} sends the state of {len(answer.position)} joints"
+            )
         return answer
 
     def close(self) -> None:
@@ -385,5 +387,3 @@ class ExternalHardware:
             raise PicktreeError(f"{where} takes neither positions nor torques")
         if protocol.Capability.WRENCH not in told.capabilities:
             raise PicktreeError(f"{where} has no force/torque sensor at the wrist")
-
-

@@ -610,7 +610,9 @@ class Address:
         host, colon, port = text.rpartition(":")
         host = host.removeprefix("[").removesuffix("]")
         if not colon or not host or not port.isascii() or not port.isdigit() or int(port) > 65535:
-            raise ProtocolError(f"{text!r} is no address: write a path, as /tmp/robot.sock, or 127.0.0.1:5577")
+            raise ProtocolError(
+                f"{text!r} is no address: write a path, as /tmp/robot.sock, or 127.0.0.1:5577"
+            )
         return cls(host=host, port=int(port))
 
     @property

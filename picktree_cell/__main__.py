@@ -1,6 +1,6 @@
 """Command line: serve a cell file.
 
-    python -m picktree_cell CELL.json --at /tmp/cell.sock
+python -m picktree_cell CELL.json --at /tmp/cell.sock
 """
 
 from __future__ import annotations
@@ -36,7 +36,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--at", default="/tmp/picktree_cell.sock", help="Unix socket, or HOST:PORT")
     parser.add_argument("--seed", type=int, default=0, help="seed of inertias, friction and noise")
     parser.add_argument("--faults", type=Path, help="JSON file with faults of the cell")
-    parser.add_argument("--mode", choices=sorted(MODES), default="position", help="commands that the robot takes")
+    parser.add_argument(
+        "--mode", choices=sorted(MODES), default="position", help="commands that the robot takes"
+    )
     parser.add_argument("--clients", type=int, default=0, help="end after that number of clients")
     parser.add_argument("--score", type=Path, help="JSON file for the score at the end; else it is printed")
     options = parser.parse_args(arguments)

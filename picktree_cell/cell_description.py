@@ -181,7 +181,8 @@ def parse_cell(data: Any, source: str = "cell") -> Cell:
         top.number("force", above=0.0),
         top.number("floor"),
         tuple(
-            FixtureEntry(e.text("id"), _solid(e), _place(e), e.numbers("colour", 3)) for e in top.each("fixtures")
+            FixtureEntry(e.text("id"), _solid(e), _place(e), e.numbers("colour", 3))
+            for e in top.each("fixtures")
         ),
         tuple(_item(e) for e in top.each("items")),
         tuple(
@@ -227,7 +228,9 @@ def _gripper(e: _Reader) -> GripperEntry:
     widths = e.numbers("widths")
     positions = tuple(tuple(map(float, row)) for row in e.lists("positions", float))
     if not 2 <= len(widths) == len(positions) or any(len(row) != len(joints) for row in positions):
-        raise CellError(f"{e.where}: 'positions' has a row for each of 'widths', with a number for each joint")
+        raise CellError(
+            f"{e.where}: 'positions' has a row for each of 'widths', with a number for each joint"
+        )
     return GripperEntry(
         joints,
         e.texts("links"),
@@ -260,7 +263,9 @@ def _item(e: _Reader) -> ItemEntry:
 def _camera(e: _Reader) -> CameraEntry:
     width, height = e.numbers("size", 2)
     if not (16 <= width <= 2048 and 16 <= height <= 2048):
-        raise CellError(f"{e.where}: 'size' is {width:g} × {height:g}; a picture has 16 to 2048 pixels a side")
+        raise CellError(
+            f"{e.where}: 'size' is {width:g} × {height:g}; a picture has 16 to 2048 pixels a side"
+        )
     return CameraEntry(
         e.text("name"),
         e.text("on") == "hand",
@@ -347,7 +352,9 @@ class _Reader:
     def numbers(self, key: str, count: int | None = None) -> Numbers:
         value = self._list(key)
         if not all(map(_is_number, value)) or (count is not None and len(value) != count):
-            raise CellError(f"{self.where}: {key!r} is a list of {'' if count is None else f'{count} '}numbers")
+            raise CellError(
+                f"{self.where}: {key!r} is a list of {'' if count is None else f'{count} '}numbers"
+            )
         return tuple(map(float, value))
 
     def lists(self, key: str, kind: type) -> list[list[Any]]:
@@ -357,7 +364,9 @@ class _Reader:
                 isinstance(each, str) if kind is str else _is_number(each) for each in row
             )
             if not fits:
-                raise CellError(f"{self.where}: {key!r} is a list of lists of {'texts' if kind is str else 'numbers'}")
+                raise CellError(
+                    f"{self.where}: {key!r} is a list of lists of {'texts' if kind is str else 'numbers'}"
+                )
         return value
 
     def inner(self, key: str) -> _Reader:
@@ -369,7 +378,8 @@ class _Reader:
     def files(self, key: str) -> dict[str, bytes]:
         try:
             return {
-                str(name): base64.b64decode(text, validate=True) for name, text in self.inner(key).data.items()
+                str(name): base64.b64decode(text, validate=True)
+                for name, text in self.inner(key).data.items()
             }
         except (TypeError, binascii.Error):
             raise CellError(f"{self.where}: {key!r} has files in base64") from None

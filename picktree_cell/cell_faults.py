@@ -28,7 +28,9 @@ class CellFaults:
     joint_friction: float = 0.0
     """Coulomb friction of each joint beyond its own, Nm."""
     inertia_error: float = 0.2
-    """Greatest share by which mass and inertia of each link differ from the URDF."""
+    """Greatest share by which mass and inertia of each link of the arm differ from the URDF."""
+    hand_mass_error: float = 0.02
+    """Greatest share by which mass and inertia of the hand differ from the URDF: it has been weighed."""
     item_mass_error: float = 0.0
     """Greatest share by which the mass of each item differs from the file."""
     dropped_pictures: float = 0.0

@@ -16,10 +16,12 @@ STEP = 0.001
 """Length of a step of physics and servo, s."""
 JOINT_FRICTION_SHARE = (0.002, 0.005)
 """Coulomb friction of a joint, as a share of its torque limit; drawn for each."""
-ARMATURE_PER_TORQUE = (0.004, 0.06)
+ARMATURE_PER_TORQUE = (0.002, 0.05)
 """Inertia of a joint's rotor behind its gear: share of the torque limit, kg·m² per Nm, and its least value."""
 FINGER_ARMATURE, HINGE_ARMATURE = 0.05, 0.001
 """Inertia of a finger's motor: of a slider, kg, of a hinge, kg·m²."""
+PAD_CONTACT_TIME = 0.01
+"""Time constant of a contact with the pads, s: with 4 kg behind it 4·10⁴ N/m, as of rubber."""
 ROBOT_COLOUR = (0.75, 0.75, 0.75, 1.0)
 UNSEEN_GROUP = 3
 """Group of geoms that cameras do not see: the floor, far below what they look at."""
@@ -127,8 +129,12 @@ def _dress_robot(
 ) -> None:
     """Draw inertias and friction, and set what the URDF does not have."""
     known = {body.name for body in spec.bodies}
+    hand = {body.name for body in spec.body(_child_of(robot.urdf, robot.flange_joint)).find_all("body")}
+    hand.add(_child_of(robot.urdf, robot.flange_joint))
+    of_hand = 1.0 + faults.hand_mass_error * rng.uniform(-1.0, 1.0)
     for body in spec.bodies:
         share = 1.0 + faults.inertia_error * rng.uniform(-1.0, 1.0)
+        share = of_hand if body.name in hand else share
         if body.mass > 0.0:
             body.mass *= share
             body.inertia = np.array(body.inertia) * share
@@ -139,7 +145,7 @@ def _dress_robot(
             geom.mass = 0.0
             geom.condim = 4
             geom.friction = [robot.gripper.friction if pads else 0.3, 0.005, 1e-4]
-            geom.solref[0] = 0.004
+            geom.solref[0] = PAD_CONTACT_TIME if pads else 0.004
     joints = {joint.name: joint for joint in spec.joints}
     for entry in robot.joints:
         if entry.name not in joints:
@@ -149,10 +155,11 @@ def _dress_robot(
         joint.armature = max(least, share * entry.torque)
         joint.frictionloss = entry.torque * rng.uniform(*JOINT_FRICTION_SHARE) + faults.joint_friction
         joint.limited = mujoco.mjtLimited.mjLIMITED_FALSE
-        spec.add_actuator(
-            name=f"motor/{entry.name}", target=entry.name, trntype=mujoco.mjtTrn.mjTRN_JOINT
-        )
-    for one, other in robot.excluded:
+        spec.add_actuator(name=f"motor/{entry.name}", target=entry.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    # The parts of a hand that joints couple would jam each other; the fingers alone meet.
+    fingers = set(robot.gripper.links)
+    inside = [(a, b) for a in sorted(hand) for b in sorted(hand) if a < b and {a, b} != fingers]
+    for one, other in dict.fromkeys([*robot.excluded, *inside]):
         if one in known and other in known:
             spec.add_exclude(bodyname1=one, bodyname2=other)
 

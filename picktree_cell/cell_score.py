@@ -33,7 +33,9 @@ def _item(plant: Plant, name: str, destination: str) -> dict[str, Any]:
     spin = float(np.linalg.norm(plant.data.qvel[v + 3 : v + 6]))
     within, accepted = "", False
     for place in plant.cell.places:
-        if _is_in(plant, name, place.frame.at, place.frame.wxyz, place.low, place.high, hole=bool(place.fixture)):
+        if _is_in(
+            plant, name, place.frame.at, place.frame.wxyz, place.low, place.high, hole=bool(place.fixture)
+        ):
             within = place.id
             accepted = bool(destination) and destination in (place.id, place.fixture)
             break

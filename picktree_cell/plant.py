@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+
 from picktree.drivers import protocol
 
 from .cell_description import Cell
@@ -310,9 +311,7 @@ class Plant:
             self.halt(protocol.Stop.SPEED)
         elif bool((q < self._lower - LIMIT_MARGIN).any() or (q > self._upper + LIMIT_MARGIN).any()):
             self.halt(protocol.Stop.POSITION)
-        elif bool(
-            (at < self._least).any() or (at > self._greatest).any()
-        ):
+        elif bool((at < self._least).any() or (at > self._greatest).any()):
             self.halt(protocol.Stop.WORKSPACE)
 
     def _read(self) -> Reading:

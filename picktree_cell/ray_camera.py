@@ -30,7 +30,9 @@ COLOUR_ERROR = 4
 class RayCamera:
     """Camera of a cell."""
 
-    def __init__(self, camera: CameraEntry, cell: CellModel, faults: CellFaults, seed: int, number: int) -> None:
+    def __init__(
+        self, camera: CameraEntry, cell: CellModel, faults: CellFaults, seed: int, number: int
+    ) -> None:
         self.entry = camera
         self._cell, self._faults = cell, faults
         self._rng = np.random.default_rng([seed, 3, number])

@@ -9,6 +9,7 @@ from typing import Final
 
 import mujoco
 import numpy as np
+
 from picktree.drivers import protocol
 
 from .cell_description import CellError
@@ -23,14 +24,17 @@ _STAMP = struct.Struct("<QQ")
 class CellServer:
     """Robot of a cell, as clients meet it."""
 
-    def __init__(self, plant: Plant, seed: int, token: str = "", mode: protocol.Capability | None = None) -> None:
+    def __init__(
+        self, plant: Plant, seed: int, token: str = "", mode: protocol.Capability | None = None
+    ) -> None:
         """`token`: what a client must know; empty: nothing. `mode`: the only mode of commands; None: all."""
         self.plant = plant
         self._token = token
         modes = protocol.Capability.POSITION | protocol.Capability.TORQUE if mode is None else mode
         self.capabilities = modes | protocol.Capability.LOCKSTEP | protocol.Capability.WRENCH
         self._cameras = [
-            RayCamera(camera, plant.parts, plant.faults, seed, n) for n, camera in enumerate(plant.cell.cameras)
+            RayCamera(camera, plant.parts, plant.faults, seed, n)
+            for n, camera in enumerate(plant.cell.cameras)
         ]
         self._segments: list[shared_memory.SharedMemory] = []
         self._sequence = 0
@@ -87,7 +91,9 @@ class CellServer:
         if wanted is not None and not wanted & self.capabilities:
             raise protocol.ProtocolError(f"the robot takes no commands in mode {mode.name}")
         if command.advance > 1.0:
-            raise protocol.ProtocolError(f"a command advances {command.advance:g} s; the greatest step is 1 s")
+            raise protocol.ProtocolError(
+                f"a command advances {command.advance:g} s; the greatest step is 1 s"
+            )
 
     def _welcome(self, wishes: protocol.Wish) -> protocol.Welcome:
         cell = self.plant.cell

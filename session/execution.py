@@ -397,4 +397,3 @@ class Execution:
             return None
         belief = self.world.scene.find(str(node.input("object")))
         return belief.pose.position if belief else None
-

@@ -68,7 +68,9 @@ def cell_file(scene: SceneDescription, robot: RobotDescription, seed: int) -> di
             for each in scene.bins
             for n, (box, pose) in enumerate(each.parts())
         ],
-        "items": [_item(item, rule(TrueBody.of(item.id, item.entry, item.colour, item.pose))) for item in items],
+        "items": [
+            _item(item, rule(TrueBody.of(item.id, item.entry, item.colour, item.pose))) for item in items
+        ],
         "places": [*_bins(scene), *_holes(real.fixtures)],
         "cameras": [_camera(camera) for camera in scene.cameras],
     }

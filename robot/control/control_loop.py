@@ -30,6 +30,7 @@ from picktree.world import (
 )
 from picktree.world.robot_model import RobotModel
 
+from .admittance import AdmittanceReflex
 from .commands import Controller, JointCommand
 from .external_torque import MIN_EXPLAINED_SHARE
 from .force_guard import ContactGuard, ForceGuard
@@ -98,9 +99,9 @@ may give way at any time."""
 class ArmDrive:
     """Executor of one controller at a time. At the end of each motion it holds the arm by itself."""
 
-    def __init__(self, hardware: Hardware, model: RobotModel, state: JointState) -> None:
+    def __init__(self, hardware: Hardware, model: RobotModel, state: JointState, wrist: WristWrench) -> None:
         """Hold the arm at its present configuration; `state` is the encoder reading."""
-        self._hardware, self._model = hardware, model
+        self._hardware, self._model, self._wrist = hardware, model, wrist
         self._arm, self._clock = hardware.arm, hardware.clock
         self._preview = hardware.preview
         self.servo = True
@@ -160,8 +161,11 @@ class ArmDrive:
         fast as it can."""
         self.braking = True
         self.servo = False
-        if pushed:
+        if pushed and self._hardware.takes_torque:
             self.begin(ContactReflex(self._model, self._hardware.period, self.carried), state)
+        elif pushed:
+            period, wrist = self._hardware.period, self._wrist
+            self.begin(AdmittanceReflex(self._model, period, wrist, self.carried), state)
         else:
             self.begin(self._brake_controller(), state)
 
@@ -378,7 +382,7 @@ class ControlLoop:
         self._bias = BiasEstimator(model, monitor, self.wrist)
         self._supervision = Supervision(hardware, model, monitor, self._sampler, self._bias)
         self._guard = ContactGuard(model, self.wrist, feels_effort=hardware.feels_effort)
-        self._drive = ArmDrive(hardware, model, self._sampler.state)
+        self._drive = ArmDrive(hardware, model, self._sampler.state, self.wrist)
         self._reference = self._drive.reference
         self._rates: list[int] = []
         self._rest_periods = round(REST_TIME / hardware.period)
@@ -389,6 +393,11 @@ class ControlLoop:
     def now(self) -> float:
         """Simulated time, s."""
         return self._clock.now
+
+    @property
+    def takes_torque(self) -> bool:
+        """Whether the arm takes torques; else contact is made by positions."""
+        return self.hardware.takes_torque
 
     @property
     def period(self) -> float:
