@@ -57,6 +57,7 @@ STOPS: Final[Mapping[protocol.Stop, str]] = {
     protocol.Stop.REQUESTED: "a stop was requested",
     protocol.Stop.OPERATOR: "a person or a safety device stopped it",
     protocol.Stop.FAULT: "one of its devices is faulty",
+    protocol.Stop.TRACKING: "the arm does not follow: something blocks it",
 }
 """Reasons of a stop, in words."""
 _COUNT_AND_STAMP = struct.Struct("<QQ")

@@ -166,6 +166,8 @@ class Stop(IntEnum):
     """A person or a safety device stopped the robot."""
     FAULT = 9
     """A device of the robot is faulty."""
+    TRACKING = 10
+    """The arm does not follow its set-point: something blocks it."""
 
 
 class Refused(IntEnum):

@@ -31,6 +31,8 @@ BRAKING_SHARE = 0.6
 """Share of the joints' accelerations with which the robot brakes."""
 SPEED_MARGIN, LIMIT_MARGIN, WORKSPACE_MARGIN = 1.3, 0.02, 0.02
 """What the guards allow beyond the limits: share of the speed, rad, m."""
+FOLLOWING_ERROR = 0.05
+"""Greatest distance of a joint to its set-point, rad."""
 FORCE_MARGIN = 1.5
 """Share of the file's force at which the robot stops: picktree's own limit comes first."""
 FORCE_FILTER = 0.01
@@ -58,6 +60,29 @@ class Reading:
     gripper: tuple[float, float, float]
     wrench: Array
     busy: bool
+
+
+@dataclass(frozen=True, slots=True)
+class PathPoint:
+    """Point of the commanded path: time after the command, s, position (n,) and rate (n,)."""
+
+    time: float
+    position: Array
+    rate: Array
+
+
+def between(one: PathPoint, other: PathPoint, time: float) -> tuple[Array, Array]:
+    """Return position and rate at a time between two points: a cubic without steps of the rate.
+
+    Steps would show in the wrist sensor as forces of the hand's inertia.
+    """
+    span = other.time - one.time
+    u = (time - one.time) / span
+    way = other.position - one.position
+    a, b = one.rate * span, other.rate * span
+    cubic, square = a + b - 2.0 * way, 3.0 * way - 2.0 * a - b
+    position = one.position + u * (a + u * (square + u * cubic))
+    return position, (a + u * (2.0 * square + u * 3.0 * cubic)) / span
 
 
 class Plant:
@@ -107,7 +132,7 @@ class Plant:
         self._setpoint, self._rate = self._home.copy(), np.zeros(n)
         self._torque = np.zeros(n)
         self._drive_torque = np.zeros(n)
-        self._path: list[tuple[float, Array]] = []
+        self._path: list[PathPoint] = []
         self._commanded = 0.0
         self._waiting: deque[tuple[int, protocol.Command]] = deque()
         self.command = 0
@@ -200,15 +225,19 @@ class Plant:
         if bool((np.abs(goal - self._setpoint) > allowed).any()):
             self.halt(protocol.Stop.JUMP)
             return
-        points = [(0.0, self._setpoint), (period, goal)]
-        points += [
+        rate = np.array(command.velocity)
+        self._path = [PathPoint(0.0, self._setpoint, self._rate), PathPoint(period, goal, rate)]
+        ahead = [
             (at, np.array(position))
             for at, position in zip(protocol.PREVIEW_TIMES, command.ahead, strict=False)
             if at > period
         ]
-        if not command.ahead:
-            points.append((period + EXTRAPOLATION, goal + EXTRAPOLATION * np.array(command.velocity)))
-        self._path = points
+        for k, (at, position) in enumerate(ahead):
+            before, after = self._path[-1], ahead[min(k + 1, len(ahead) - 1)]
+            mean = (after[1] - before.position) / (after[0] - before.time)
+            self._path.append(PathPoint(at, position, mean))
+        if not ahead:
+            self._path.append(PathPoint(period + EXTRAPOLATION, goal + EXTRAPOLATION * rate, rate))
 
     def _move_setpoint(self) -> None:
         """Move the set-point along the commanded path; beyond its end brake."""
@@ -221,11 +250,9 @@ class Plant:
             return
         ahead = since + STEP
         path = self._path
-        if path and ahead <= min(path[-1][0], SILENCE) + 1e-9:
-            k = next(k for k, (at, _) in enumerate(path[1:], 1) if ahead <= at + 1e-9)
-            (begin, one), (end, other) = path[k - 1], path[k]
-            self._rate = (other - one) / (end - begin)
-            self._setpoint = one + self._rate * (ahead - begin)
+        if path and ahead <= min(path[-1].time, SILENCE) + 1e-9:
+            k = next(k for k, point in enumerate(path[1:], 1) if ahead <= point.time + 1e-9)
+            self._setpoint, self._rate = between(path[k - 1], path[k], ahead)
             return
         if path and bool(self._rate.any()):
             if since > SILENCE and self.stop is protocol.Stop.NONE:
@@ -309,6 +336,10 @@ class Plant:
             self.halt(protocol.Stop.FORCE)
         elif bool((np.abs(v) > SPEED_MARGIN * self._fastest).any()):
             self.halt(protocol.Stop.SPEED)
+        elif self._mode is not protocol.Mode.TORQUE and bool(
+            (np.abs(self._setpoint - q) > FOLLOWING_ERROR).any()
+        ):
+            self.halt(protocol.Stop.TRACKING)
         elif bool((q < self._lower - LIMIT_MARGIN).any() or (q > self._upper + LIMIT_MARGIN).any()):
             self.halt(protocol.Stop.POSITION)
         elif bool((at < self._least).any() or (at > self._greatest).any()):

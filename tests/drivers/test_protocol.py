@@ -74,9 +74,7 @@ def welcomes(draw: st.DrawFn) -> p.Welcome:
         tuple(
             draw(
                 st.lists(
-                    st.builds(
-                        p.CameraInfo, texts, texts, st.just(32), st.integers(16, 64), *[numbers] * 4
-                    ),
+                    st.builds(p.CameraInfo, texts, texts, st.just(32), st.integers(16, 64), *[numbers] * 4),
                     max_size=3,
                 )
             )
@@ -128,9 +126,7 @@ def test_a_damaged_frame_is_a_message_or_one_error(message: p.Message, data: st.
 
 def test_a_command_with_its_preview_has_the_documented_layout() -> None:
     q = tuple(float(k) for k in range(7))
-    command = p.Command(
-        5, p.Mode.POSITION, q, q, q, 0.005, (q, q, q, q), p.GripCommand(0.04, 20.0, 0.1)
-    )
+    command = p.Command(5, p.Mode.POSITION, q, q, q, 0.005, (q, q, q, q), p.GripCommand(0.04, 20.0, 0.1))
     frame = p.encode(command)
     assert len(frame) == 12 + 40 + 8 * 7 * 7
     assert struct.unpack_from("<4sHHI", frame) == (b"PTRB", 1, 3, 432)
@@ -227,7 +223,11 @@ def test_the_cell_imports_the_protocol_and_nothing_else_of_picktree() -> None:
     found: set[str] = set()
     for file in files:
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.ImportFrom) and node.level == 0 and (node.module or "").startswith("picktree"):
+            if (
+                isinstance(node, ast.ImportFrom)
+                and node.level == 0
+                and (node.module or "").startswith("picktree")
+            ):
                 found |= {f"{node.module}.{alias.name}" for alias in node.names}
             elif isinstance(node, ast.Import):
                 found |= {alias.name for alias in node.names if alias.name.startswith("picktree")}
