@@ -252,7 +252,11 @@ class ExternalHardware:
     def __init__(self, scene: SceneDescription, robot: RobotDescription, address: str) -> None:
         self.link = Link(address)
         told = self.link.robot
-        self._check(told, scene, robot)
+        try:
+            self._check(told, scene, robot)
+        except PicktreeError:
+            self.link.close()
+            raise
         model = RobotModel(replace(robot, tool=scene.tool))
         n = len(robot.joints)
         self.clock = RobotClock()
@@ -290,6 +294,12 @@ class ExternalHardware:
     @property
     def takes_torque(self) -> bool:
         return protocol.Capability.TORQUE in self.link.robot.capabilities
+
+    @property
+    def latency(self) -> float:
+        """Age of the joint reading, and of the command that was in force, s."""
+        age = self.state.time - self.state.stamps[0]
+        return age + max(0, self._sequence - self.state.command) * self.period
 
     @property
     def preview(self) -> tuple[float, ...]:

@@ -212,6 +212,7 @@ class Session:
         """
         arithmetic.check()
         self._observers: list[Observer] = list(observers)
+        self._owns_hardware = not isinstance(recipe, Execution)
         self.timer = RunTimer(recipe.stopwatch if isinstance(recipe, Execution) else None)
         if isinstance(recipe, RunRequest):
             record = record or Recording(recipe.out, recipe.rotation)
@@ -242,6 +243,7 @@ class Session:
         """
         execution, log = self.execution, self.folder / LOG_FILE_NAME
         with (
+            self._released_robot(),
             _without_old_garbage(),
             SessionRecorder(log, execution, self._rotation, self._observers) as recorder,
         ):
@@ -268,6 +270,15 @@ class Session:
         for observer in self._observers:
             observer.finished(result)
         return result
+
+    @contextmanager
+    def _released_robot(self) -> Generator[None]:
+        """Release a robot of this session's own at the end of the block."""
+        try:
+            yield
+        finally:
+            if self._owns_hardware and self.execution.stage is None:
+                self.execution.hardware.close()
 
     def _loop(self, recorder: SessionRecorder) -> RunStatus:
         execution, stopwatch = self.execution, self.timer.stopwatch

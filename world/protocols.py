@@ -201,6 +201,11 @@ class Hardware(Protocol):
         ...
 
     @property
+    def latency(self) -> float:
+        """Time from a command to the reading that shows its effect, beyond a control period, s."""
+        ...
+
+    @property
     def preview(self) -> tuple[float, ...]:
         """Times for which `Arm.follow` wants the path ahead, s after the command; empty: it does not."""
         ...
@@ -221,6 +226,10 @@ class Hardware(Protocol):
 
     def settings(self) -> Mapping[str, str]:
         """Return what the hardware is, for the record."""
+        ...
+
+    def close(self) -> None:
+        """Release the hardware. A robot brakes."""
         ...
 
 

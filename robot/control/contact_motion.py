@@ -29,8 +29,11 @@ from .wrist_wrench import TcpWrench
 MAX_RIGID_TOUCH_SPEED = 0.02
 """Greatest speed at which an arm that takes positions meets a contact, m/s.
 
-Its servo is rigid until the wrist sensor has felt the contact: 10 kg on 10⁵ N/m give 1 N for each mm/s.
+Its servo is rigid until the wrist sensor has felt the contact: 10 kg on 10⁵ N/m give 1 N for each mm/s. What is
+late adds to that.
 """
+REACTION_TIME = 0.015
+"""Time in which such an arm reacts to a contact without a latency of its hardware, s."""
 MAX_STANDSTILL_WAIT = 1.5
 """Longest wait for the arm to come to rest after a compliant motion, s."""
 
@@ -90,7 +93,8 @@ class ContactMotion(TrajectoryMotion):
             if inside <= 0.0:
                 raise self._at_the_edge(along, 0.0, distance)
             if not loop.takes_torque:
-                speed = min(speed, MAX_RIGID_TOUCH_SPEED)
+                late = loop.hardware.latency
+                speed = min(speed, MAX_RIGID_TOUCH_SPEED * REACTION_TIME / (REACTION_TIME + late))
             course = GuardedMove(
                 along,
                 min(distance, inside),

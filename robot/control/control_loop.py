@@ -7,6 +7,7 @@ bias, `ContactGuard` guards the motion, and `ArmDrive` commands and brakes.
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -293,7 +294,7 @@ class Supervision:
         first."""
         mass = -self._wrist.force[2] / GRAVITY
         doubtful = self._monitor.overburdened(mass) and self._hardware.feels_effort
-        if doubtful and (self._wrist.unrest(WRIST_WINDOW) > MAX_QUIET_DEVIATION or self._bias.learn(state)):
+        if doubtful and (self._wrist.vibrates(WRIST_WINDOW, MAX_QUIET_DEVIATION) or self._bias.learn(state)):
             return False
         return self._monitor.check_load(mass)
 
@@ -385,6 +386,8 @@ class ControlLoop:
         self._drive = ArmDrive(hardware, model, self._sampler.state, self.wrist)
         self._reference = self._drive.reference
         self._rates: list[int] = []
+        self._past: deque[tuple[float, Array | None]] = deque()
+        """Set-points of the last latency, with their times."""
         self._rest_periods = round(REST_TIME / hardware.period)
         self._holder: Lease | None = None
         self._watchdog = Watchdog()
@@ -500,7 +503,7 @@ class ControlLoop:
         until = self._clock.now + SETTLE_LIMIT
         while self._clock.now < until:
             rested = self._drive.held and self._sampler.rested(REST_TIME)
-            if rested and self.wrist.unrest(WRIST_WINDOW) < SETTLED_FORCE_DEVIATION:
+            if rested and not self.wrist.vibrates(WRIST_WINDOW, SETTLED_FORCE_DEVIATION):
                 return
             yield
 
@@ -533,7 +536,7 @@ class ControlLoop:
             self._bias.come_to_rest(state)
         touched = guard.exceeded(force) and guard.touched(state, sampler.acceleration, force)
         self._reference = reference = drive.setpoint.position if drive.servo else None
-        stopped = self._supervision.check(state, reference, force, period)
+        stopped = self._supervision.check(state, self._told(reference), force, period)
         if touched or (stopped and self._supervision.is_off_path()):
             guard.guard = None
             drive.stop_at_once(state, pushed=self._supervision.pushed(self.wrist.force))
@@ -543,6 +546,16 @@ class ControlLoop:
         before = perf_counter()
         self.hardware.step()
         self._stepping += perf_counter() - before
+
+    def _told(self, reference: Array | None) -> Array | None:
+        """Return the set-point (n,) that the present reading should show: the one of a latency ago."""
+        latency, now, past = self.hardware.latency, self._clock.now, self._past
+        if latency <= 0.0:
+            return reference
+        past.append((now, reference))
+        while len(past) > 1 and past[1][0] <= now - latency + 1e-9:
+            past.popleft()
+        return past[0][1]
 
     def save(self) -> ControlLoopState:
         """Return the state for a checkpoint. Raises PicktreeError unless the arm is held at rest."""

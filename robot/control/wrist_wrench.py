@@ -31,6 +31,8 @@ MAX_BIAS_STEP = 3.0
 """Greatest change of a learnt bias, N. Sensors drift, they do not jump."""
 MAX_QUIET_DEVIATION = 0.6
 """Standard deviation of the force up to which a bias can be learnt, N."""
+NOISE_MARGIN = 1.6
+"""Ratio of the deviation to the sensor's noise up to which nothing vibrates: 20 readings estimate both."""
 BIAS_DRIFT = 0.015
 """Expected drift of the bias, N after one second; it grows with the root of the time."""
 
@@ -166,6 +168,22 @@ class WristWrench:
             return 0.0
         return float(np.array([w.force for w in recent]).std(axis=0).max())
 
+    def noise(self, window: float) -> float:
+        """Return the standard deviation of the sensor's own noise over the last `window` s, N, of the worst axis.
+
+        Successive readings differ by the noise; a vibration of the arm hardly changes between them.
+        """
+        forces = np.array([w.force for w in self._last(window)])
+        if len(forces) < 3:
+            return 0.0
+        return float(np.sqrt(np.square(np.diff(forces, axis=0)).mean(axis=0) / 2.0).max())
+
+    def vibrates(self, window: float, limit: float) -> bool:
+        """Return whether the force deviated by more than `limit` N over the last `window` s, and by more than
+        the sensor's noise explains."""
+        unrest = self.unrest(window)
+        return unrest > limit and unrest > NOISE_MARGIN * self.noise(window)
+
     @property
     def repeats_since(self) -> float | None:
         """Time since which a noisy sensor repeats its reading exactly, s. None: the sensor is not noisy."""
@@ -191,7 +209,7 @@ class WristWrench:
         step = np.concatenate([turn.T @ felt[:3], turn.T @ felt[3:]])
         bias = known + step
         sudden = self._bias is not None and float(np.linalg.norm(step[:3])) > MAX_BIAS_STEP
-        if self.unrest(window) > MAX_QUIET_DEVIATION:
+        if self.vibrates(window, MAX_QUIET_DEVIATION):
             return False
         odd = sudden or float(np.linalg.norm(bias[:3])) > MAX_BIAS
         if (odd and (real is None or real(felt))) or (self.payload is not None and not sudden):

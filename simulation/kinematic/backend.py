@@ -156,6 +156,7 @@ class KinematicHardware:
         return self._belts.drives
 
     takes_torque = True
+    latency = 0.0
     preview = ()
 
     @property

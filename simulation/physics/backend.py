@@ -149,6 +149,7 @@ class PhysicsHardware:
         return cls(scene, robot, seed, checkpoint)
 
     takes_torque = True
+    latency = 0.0
     preview = ()
 
     @property

@@ -9,7 +9,7 @@ import pytest
 
 from picktree.drivers import ExternalHardware
 from picktree.files import PicktreeError
-from picktree.logs import read_log
+from picktree.logs import RunLog
 from picktree.session import RunRequest, Session
 from picktree.world.robot_model import load_robot
 from picktree.world.scene import load_scene
@@ -29,9 +29,7 @@ def test_a_mission_sorts_all_items_in_another_engine(tmp_path: Path) -> None:
             robot_at=cell.address,
             limit=60.0,
         )
-        session = Session(request)
-        result = session.run()
-        session.execution.hardware.close()
+        result = Session(request).run()
     assert (cell.score["sorted"], cell.score["total"], cell.score["stop"]) == (4, 4, "NONE")
     assert cell.score["greatest_force"] < 60.0
     # picktree never sees that score: it counts what it believes, and says so.
@@ -43,9 +41,9 @@ def test_a_mission_sorts_all_items_in_another_engine(tmp_path: Path) -> None:
     )
     assert "items       4 of 4 sorted, 0 misplaced, 0 left, as the robot believes" in result.to_text()
     assert json.loads((result.folder / "result.json").read_text())["as_believed"] is True
-    log = read_log(result.log)
-    assert log.run.backend == "robot" and log.run.physics["engine"].startswith("MuJoCo")
-    assert list(log.truths()) == []
+    with RunLog(result.log) as log:
+        assert log.run.backend == "robot" and log.run.physics["engine"].startswith("MuJoCo")
+        assert list(log.truths()) == []
 
 
 def test_a_robot_that_is_not_the_scenes_is_refused(tmp_path: Path) -> None:
