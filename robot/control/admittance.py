@@ -36,8 +36,11 @@ VIRTUAL_MASS = np.repeat([6.0, 0.12], 3)
 VIRTUAL_DAMPING = np.repeat([250.0, 4.0], 3)
 """Damping against the resting world, Ns/m and Nms/rad: a stiff contact does not bounce.
 
-The force sensor and the servo have a delay of some 20 ms; a contact of 10⁵ N/m stays stable with it.
+It is that of an arm that reacts within `REACTION_TIME`. A contact of stiffness k stays stable while k times the
+delay is below the damping, so that it grows with what is late.
 """
+REACTION_TIME = 0.015
+"""Time in which the arm reacts to a contact without a latency of its hardware, s."""
 SPRING_DAMPING_RATIO = 0.9
 """Damping ratio of the spring with the virtual mass."""
 SPEED_SHARE = 0.6
@@ -57,9 +60,11 @@ REFLEX_DEAD_BAND = 2.0
 class VirtualBody:
     """Damped body at the tool that wrenches move, and the joint speeds that follow it."""
 
-    def __init__(self, model: RobotModel, period: float) -> None:
+    def __init__(self, model: RobotModel, period: float, latency: float) -> None:
+        """`latency`: latency of the hardware, s."""
         self._model = model
         self._period = period
+        self._own_damping = np.diag(VIRTUAL_DAMPING * ((REACTION_TIME + latency) / REACTION_TIME))
         self._step: Array = model.acceleration_limit * period
         self.twist = np.zeros(6)
         """Velocity of the body, m/s and rad/s, world axes."""
@@ -79,7 +84,7 @@ class VirtualBody:
         damping = (
             2.0 * SPRING_DAMPING_RATIO * root[:, None] * _square_root(spring / np.outer(root, root)) * root
         )
-        damping += np.diag(VIRTUAL_DAMPING)
+        damping += self._own_damping
         # Implicit in the damping, which is stable for any period.
         inertia = np.diag(VIRTUAL_MASS)
         driven = spring @ error + damping @ aim + push
@@ -110,11 +115,13 @@ class CartesianAdmittance(CartesianImpedance):
     """
 
     name: ClassVar[str] = "CartesianAdmittance"
+    latency = 0.0
+    """Latency of the hardware, s; set before the start."""
 
     def start(self, now: float, state: JointState, setpoint: JointCommand) -> None:
         super().start(now, state, setpoint)
         self._q: Array = setpoint.position.copy()
-        self._body = VirtualBody(self._model, self._period)
+        self._body = VirtualBody(self._model, self._period, self.latency)
         position, rotation = self._commanded()
         self.course.start(position, rotation)
 
@@ -163,14 +170,21 @@ class AdmittanceTrack(TrajectoryController):
     name: ClassVar[str] = "SoftTrackByPosition"
 
     def __init__(
-        self, trajectory: Trajectory, model: RobotModel, period: float, *, wrist: WristWrench, force: float
+        self,
+        trajectory: Trajectory,
+        model: RobotModel,
+        period: float,
+        *,
+        wrist: WristWrench,
+        force: float,
+        latency: float,
     ) -> None:
         super().__init__(trajectory, model, period)
         self._wrist = wrist
         self._max_force = force
         self._elapsed = 0.0
         self._until = math.inf
-        self._body = VirtualBody(model, period)
+        self._body = VirtualBody(model, period, latency)
         self._offset_in_world = np.zeros(6)
         self._shift = np.zeros(model.n)
         self._spring = np.diag(np.repeat([TRACK_STIFFNESS, 10.0], 3))
@@ -241,7 +255,14 @@ class AdmittanceReflex:
     name: ClassVar[str] = "ComplyByPosition"
 
     def __init__(
-        self, model: RobotModel, period: float, wrist: WristWrench, carried: Array, *, ends: bool = True
+        self,
+        model: RobotModel,
+        period: float,
+        wrist: WristWrench,
+        carried: Array,
+        *,
+        latency: float,
+        ends: bool = True,
     ) -> None:
         """`carried` (6,): wrench of the load on the hand, world axes, N and Nm. `ends`: whether it is done when
         calm, or after `MAX_REFLEX_TIME`."""
@@ -249,7 +270,7 @@ class AdmittanceReflex:
         self._carried = carried[:3]
         self._ends = ends
         self._elapsed = self._calm = 0.0
-        self._body = VirtualBody(model, period)
+        self._body = VirtualBody(model, period, latency)
         self.done = False
         self.pressed = math.inf
         """Remaining external torque by the force at the wrist, Euclidean norm, Nm; inf: not measured yet."""

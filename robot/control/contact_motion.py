@@ -10,7 +10,7 @@ import numpy as np
 from picktree.files import PicktreeError
 from picktree.world import Array, Failure, Pose, Vector3, control, safety
 
-from .admittance import CartesianAdmittance
+from .admittance import REACTION_TIME, CartesianAdmittance
 from .commands import Doing
 from .compliant_motion import (
     FIRM_STIFFNESS,
@@ -32,8 +32,6 @@ MAX_RIGID_TOUCH_SPEED = 0.02
 Its servo is rigid until the wrist sensor has felt the contact: 10 kg on 10⁵ N/m give 1 N for each mm/s. What is
 late adds to that.
 """
-REACTION_TIME = 0.015
-"""Time in which such an arm reacts to a contact without a latency of its hardware, s."""
 MAX_STANDSTILL_WAIT = 1.5
 """Longest wait for the arm to come to rest after a compliant motion, s."""
 
@@ -184,6 +182,8 @@ class ContactMotion(TrajectoryMotion):
         spring = compliance(
             self._model, loop.period, course, stiffness, self._carrying(zero), feeling=feeling
         )
+        if isinstance(spring, CartesianAdmittance):
+            spring.latency = loop.hardware.latency
         lease.run(spring)
         until, stop = self._clock.now + limit, math.inf
         while True:

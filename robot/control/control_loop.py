@@ -165,8 +165,9 @@ class ArmDrive:
         if pushed and self._hardware.takes_torque:
             self.begin(ContactReflex(self._model, self._hardware.period, self.carried), state)
         elif pushed:
-            period, wrist = self._hardware.period, self._wrist
-            self.begin(AdmittanceReflex(self._model, period, wrist, self.carried), state)
+            period, late = self._hardware.period, self._hardware.latency
+            reflex = AdmittanceReflex(self._model, period, self._wrist, self.carried, latency=late)
+            self.begin(reflex, state)
         else:
             self.begin(self._brake_controller(), state)
 

@@ -108,7 +108,14 @@ class ArmMotion(ContactMotion):
     ) -> JointImpedanceController | AdmittanceTrack:
         loop = self._loop
         if not loop.takes_torque:
-            return AdmittanceTrack(trajectory, self._model, loop.period, wrist=loop.wrist, force=least.force)
+            return AdmittanceTrack(
+                trajectory,
+                self._model,
+                loop.period,
+                wrist=loop.wrist,
+                force=least.force,
+                latency=loop.hardware.latency,
+            )
         return JointImpedanceController(
             trajectory,
             self._model,
@@ -147,7 +154,9 @@ class ArmMotion(ContactMotion):
             giving = (
                 GravityCompensationController(self._model, loop.period, load)
                 if loop.takes_torque
-                else AdmittanceReflex(self._model, loop.period, loop.wrist, load, ends=False)
+                else AdmittanceReflex(
+                    self._model, loop.period, loop.wrist, load, latency=loop.hardware.latency, ends=False
+                )
             )
             lease.run(giving)
             until = self._clock.now + limit
