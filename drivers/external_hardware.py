@@ -1,7 +1,7 @@
 """Hardware in another process: `world.protocols.Hardware` over the protocol of drivers.
 
-In lockstep the robot's time passes only in `step`. The checked path ahead goes with each set-point, so that the
-robot side can go on by itself when a command is late.
+In lockstep the robot's time passes only in `step`. The checked path ahead goes with each set-point, so that
+the robot side can go on by itself when a command is late.
 """
 
 from __future__ import annotations
@@ -311,13 +311,14 @@ class ExternalHardware:
         return SensorStamps(joints, gripper, wrench)
 
     def pace(self, rate: int | None = None) -> None:
-        """Set the control rate, Hz. Raises PicktreeError for a period that the robot's servo does not have."""
+        """Set the control rate, Hz. Raises PicktreeError for a period that the robot's servo does not
+        have."""
         wanted = EVERYDAY_PERIOD if rate is None else 1.0 / rate
         servo = self.link.robot.period
         steps = round(wanted / servo)
         if steps < 1 or abs(steps * servo - wanted) > 1e-6:
             raise PicktreeError(
-                f"a control rate of {rate} Hz is no whole number of the robot's periods of {1000 * servo:g} ms"
+                f"a control rate of {rate} Hz: the robot's servo has periods of {1000 * servo:g} ms"
             )
         self.period = wanted
 
@@ -342,7 +343,8 @@ class ExternalHardware:
         stop = self.state.stop
         if stop is not protocol.Stop.NONE:
             raise RobotStopped(
-                f"the robot at {self.link.address} has stopped by itself at {self.clock.now:.2f} s: {STOPS[stop]}"
+                f"the robot at {self.link.address} has stopped by itself at {self.clock.now:.2f} s: "
+                f"{STOPS[stop]}"
             )
 
     def configuration_at(self, time: float) -> Array:

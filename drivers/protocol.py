@@ -1,4 +1,5 @@
-"""Protocol between picktree and the process that moves a robot. This file needs numpy and nothing of picktree.
+"""Protocol between picktree and the process that moves a robot. This file needs numpy and nothing of
+picktree.
 
 Transport: a stream socket, Unix or TCP. Every message is a frame: a header of 12 bytes, then its payload. All
 numbers are little-endian and without padding. SI units, radians. Times are in µs of the robot's clock, u64. A
@@ -11,43 +12,46 @@ message and waits for its answer:
 
     1 HELLO     wishes u32 (`Wish`), token text
     2 WELCOME   robot text, engine text, capabilities u32 (`Capability`), period u32 (of the robot's servo),
-                silence u32 (time without a command after which the robot brakes), joints u8, cameras u8, 0 u16,
-                workspace f64[6] (smallest x, y, z, greatest x, y, z of the TCP in the world), force f64 (contact
-                force at the wrist at which the robot stops), gripper f64[3] (greatest opening, m; greatest force
-                of a finger, N; speed of a finger, m/s);
+                silence u32 (time without a command after which the robot brakes), joints u8, cameras u8, 0
+                u16, workspace f64[6] (smallest x, y, z, greatest x, y, z of the TCP in the world), force
+                f64 (contact force at the wrist at which the robot stops), gripper f64[3] (greatest opening,
+                m; greatest force of a finger, N; speed of a finger, m/s);
                 for each joint: name text, lower, upper, velocity, torque f64;
                 for each camera: name text, segment text, width u32, height u32, fx, fy, cx, cy f64
     3 COMMAND   sequence u64, advance u32 (lockstep: time that passes with this command), mode u8 (`Mode`),
-                previews u8 (0 or 4), grips u8 (1: the gripper command is new), 0 u8, gripper f64[3] (opening, m;
-                greatest force of a finger, N; greatest speed of a finger, m/s, 0: as fast as it can),
+                previews u8 (0 or 4), grips u8 (1: the gripper command is new), 0 u8, gripper f64[3]
+                (opening, m; greatest force of a finger, N; its greatest speed, m/s, 0: as fast as it can),
                 position f64[n], velocity f64[n], torque f64[n], then for each preview: position f64[n]
-    4 STATE     sequence u64, command u64 (sequence of the last command in force), time u64, stop u16 (`Stop`),
-                busy u8 (1: the gripper still executes its command), 0 u8, flags u32 (0),
+    4 STATE     sequence u64, command u64 (sequence of the last command in force), time u64,
+                stop u16 (`Stop`), busy u8 (1: the gripper still executes its command), 0 u8, flags u32 (0),
                 gripper f64[3] (opening, m; its rate, m/s; drive force of a finger, N), wrench f64[6],
                 stamps u64[3] (last new reading of joints, gripper, wrench),
                 position f64[n], velocity f64[n], torque f64[n]
     5 CAPTURE   camera u8, 0 u8[7]
-    6 PICTURE   camera u8, given u8 (0: the camera gave no picture), 0 u16, inline u32 (length of the data that
-                follows; 0: the picture is in the shared segment), stamp u64, data
+    6 PICTURE   camera u8, given u8 (0: the camera gave no picture), 0 u16, inline u32 (length of the
+                data that follows; 0: the picture is in the shared segment), stamp u64, data
     7 STOP      reason u16. The robot brakes at once. The answer is STATE
     8 CLEAR     empty: the stop is acknowledged. The answer is STATE
     9 BYE       empty: the robot brakes and waits for another client
    10 REFUSAL   code u16 (`Refused`), then UTF-8 to the end
 
-The answer to COMMAND is STATE. With `Capability.LOCKSTEP` the plant stands still but for `advance`. Later versions
-may add a robot that sends STATE by itself; kinds from 32 on are reserved for real time, 64 for recordings.
+The answer to COMMAND is STATE. With `Capability.LOCKSTEP` the plant stands still but for `advance`. Later
+versions may add a robot that sends STATE by itself; kinds from 32 on are reserved for real time, 64 for
+recordings.
 
-Position mode: `position` and `velocity` belong to the end of the period that the command begins. The previews are
-the checked path 30, 60, 100 and 150 ms after the command. When no command comes the robot goes on along them; after
-`silence` it brakes. Torque mode: the robot adds the torque that carries its own weight. Mode HOLD: the robot brakes
-and holds.
+Position mode: `position` and `velocity` belong to the end of the period that the command begins. The
+previews are the checked path 30, 60, 100 and 150 ms after the command. When no command comes the robot goes
+on along them; after `silence` it brakes. Torque mode: the robot adds the torque that carries its own
+weight. Mode HOLD: the robot brakes and holds.
 
-Wrench: force and torque that the hand and its load exert on the wrist, in the axes of the flange (the child link of
-the flange joint) about its origin. A load that hangs still adds a force along gravity. It is not tared.
+Wrench: force and torque that the hand and its load exert on the wrist, in the axes of the flange (the child
+link of the flange joint) about its origin. A load that hangs still adds a force along gravity. It is not
+tared.
 
-Picture data: colour u8[height][width][3], then depth f32[height][width], m along the optical axis, 0: unknown. The
-pixel of column u and row v looks along ((u - cx)/fx, (v - cy)/fy, 1), x right and y down. In a shared segment (POSIX
-shared memory) 64 bytes come before it: count u64, stamp u64, then zeros. The count is odd while the robot writes.
+Picture data: colour u8[height][width][3], then depth f32[height][width], m along the optical axis, 0:
+unknown. The pixel of column u and row v looks along ((u - cx)/fx, (v - cy)/fy, 1), x right and y down. In a
+shared segment (POSIX shared memory) 64 bytes come before it: count u64, stamp u64, then zeros. The count is
+odd while the robot writes.
 """
 
 from __future__ import annotations
@@ -241,7 +245,8 @@ class Welcome:
 
 @dataclass(frozen=True, slots=True)
 class GripCommand:
-    """Opening, m, greatest force of each finger, N, greatest speed of each finger, m/s; 0: as fast as it can."""
+    """Opening, m, greatest force of each finger, N, greatest speed of each finger, m/s; 0: as fast as it
+    can."""
 
     width: float
     force: float
@@ -561,7 +566,8 @@ def _decoded_state(data: bytes) -> State:
 
 
 def _lists(data: bytes, count: int) -> list[Numbers]:
-    """Return `count` lists of equal length. Raises ProtocolError unless the data holds 1 … MAX_JOINTS joints."""
+    """Return `count` lists of equal length. Raises ProtocolError unless the data holds 1 … MAX_JOINTS
+    joints."""
     n, rest = divmod(len(data), 8 * count)
     if rest or not 1 <= n <= MAX_JOINTS:
         raise ProtocolError(f"{len(data)} bytes are no {count} lists of 1 to {MAX_JOINTS} numbers")
@@ -603,7 +609,8 @@ class Address:
 
     @classmethod
     def parse(cls, text: str) -> Address:
-        """Parse `/run/robot.sock`, `unix:robot.sock` or `127.0.0.1:5577`. Raises ProtocolError for other text."""
+        """Parse `/run/robot.sock`, `unix:robot.sock` or `127.0.0.1:5577`. Raises ProtocolError for other
+        text."""
         if text.startswith("unix:") or "/" in text:
             path = text.removeprefix("unix:")
             if not path or len(os.fsencode(path)) > 100:
@@ -631,7 +638,8 @@ class Address:
         """Raise ProtocolError for an address beyond the loopback without a token."""
         if not self.loopback and not token:
             raise ProtocolError(
-                f"{self} is not on this machine's loopback; both sides need the same token in {TOKEN_VARIABLE}"
+                f"{self} is not on this machine's loopback; both sides need the same token in "
+                f"{TOKEN_VARIABLE}"
             )
 
     def connect(self, timeout: float) -> socket.socket:

@@ -12,7 +12,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, TypeAlias
+from typing import Any, Final, TypeAlias, cast
 
 VERSION: Final = 1
 Numbers: TypeAlias = tuple[float, ...]
@@ -37,7 +37,8 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Solid:
-    """Convex body: box (half sizes), cylinder (radius, half height), sphere (radius) or mesh (its corners)."""
+    """Convex body: box (half sizes), cylinder (radius, half height), sphere (radius) or mesh (its
+    corners)."""
 
     form: str
     size: Numbers = ()
@@ -360,10 +361,7 @@ class _Reader:
     def lists(self, key: str, kind: type) -> list[list[Any]]:
         value = self._list(key)
         for row in value:
-            fits = isinstance(row, list) and all(
-                isinstance(each, str) if kind is str else _is_number(each) for each in row
-            )
-            if not fits:
+            if not _is_row(row, kind):
                 raise CellError(
                     f"{self.where}: {key!r} is a list of lists of {'texts' if kind is str else 'numbers'}"
                 )
@@ -388,7 +386,15 @@ class _Reader:
         value = self._value(key)
         if not isinstance(value, list):
             raise CellError(f"{self.where}: {key!r} is a list")
-        return value
+        return cast("list[Any]", value)
+
+
+def _is_row(value: Any, kind: type) -> bool:
+    if not isinstance(value, list):
+        return False
+    return all(
+        isinstance(each, str) if kind is str else _is_number(each) for each in cast("list[Any]", value)
+    )
 
 
 def _is_number(value: Any) -> bool:

@@ -6,7 +6,7 @@ import json
 import math
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from .cell_description import CellError
 
@@ -62,10 +62,11 @@ def read_faults(path: Path) -> CellFaults:
     names = [each.name for each in fields(CellFaults)]
     if not isinstance(data, dict):
         raise CellError(f"{path}: an object is expected")
-    unknown = [key for key in data if key not in names]
+    given = cast("dict[str, Any]", data)
+    unknown = [key for key in given if key not in names]
     if unknown:
         raise CellError(f"{path}: {unknown[0]!r} is no fault of the cell; the faults are {', '.join(names)}")
     try:
-        return CellFaults(**data)
+        return CellFaults(**given)
     except CellError as error:
         raise CellError(f"{path}: {error}") from None

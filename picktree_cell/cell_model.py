@@ -17,7 +17,8 @@ STEP = 0.001
 JOINT_FRICTION_SHARE = (0.002, 0.005)
 """Coulomb friction of a joint, as a share of its torque limit; drawn for each."""
 ARMATURE_PER_TORQUE = (0.002, 0.05)
-"""Inertia of a joint's rotor behind its gear: share of the torque limit, kg·m² per Nm, and its least value."""
+"""Inertia of a joint's rotor behind its gear: share of the torque limit, kg·m² per Nm, and its least
+value."""
 FINGER_ARMATURE, HINGE_ARMATURE = 0.05, 0.001
 """Inertia of a finger's motor: of a slider, kg, of a hinge, kg·m²."""
 PAD_CONTACT_TIME = 0.01
@@ -145,7 +146,7 @@ def _dress_robot(
             geom.mass = 0.0
             geom.condim = 4
             geom.friction = [robot.gripper.friction if pads else 0.3, 0.005, 1e-4]
-            geom.solref[0] = PAD_CONTACT_TIME if pads else 0.004
+            geom.solref = [PAD_CONTACT_TIME if pads else 0.004, 1.0]
     joints = {joint.name: joint for joint in spec.joints}
     for entry in robot.joints:
         if entry.name not in joints:

@@ -1,8 +1,9 @@
-"""Plant: the cell's bodies in MuJoCo, the robot's own servo at 1 kHz, its gripper, its sensors and its guards.
+"""Plant: the cell's bodies in MuJoCo, the robot's own servo at 1 kHz, its gripper, its sensors and its
+guards.
 
 The servo follows the commanded positions by itself: between commands along their previews, after
-`SILENCE` s without one it brakes. The guards stop the arm for speed, limits, workspace and force. None of them is
-a safety function.
+`SILENCE` s without one it brakes. The guards stop the arm for speed, limits, workspace and force. None of
+them is a safety function.
 """
 
 from __future__ import annotations
@@ -254,9 +255,9 @@ class Plant:
             k = next(k for k, point in enumerate(path[1:], 1) if ahead <= point.time + 1e-9)
             self._setpoint, self._rate = between(path[k - 1], path[k], ahead)
             return
-        if path and bool(self._rate.any()):
-            if since > SILENCE and self.stop is protocol.Stop.NONE:
-                self.stop = protocol.Stop.SILENCE
+        moves = bool(path) and bool(self._rate.any())
+        if moves and since > SILENCE and self.stop is protocol.Stop.NONE:
+            self.stop = protocol.Stop.SILENCE
         self._path = []
         slower = np.maximum(np.abs(self._rate) - self._braking * STEP, 0.0)
         self._rate = np.sign(self._rate) * slower

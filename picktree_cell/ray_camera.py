@@ -1,4 +1,5 @@
-"""RGB-D camera by rays: depth and body of each pixel from MuJoCo's collision queries, without a graphics library.
+"""RGB-D camera by rays: depth and body of each pixel from MuJoCo's collision queries, without a graphics
+library.
 
 Pictures are the same on every processor. A colour is shaded by the angle between surface and light.
 """

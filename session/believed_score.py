@@ -1,4 +1,5 @@
-"""Score of a run without ground truth: the items of the belief at the places where the robot believes them."""
+"""Score of a run without ground truth: the items of the belief at the places where the robot believes
+them."""
 
 from __future__ import annotations
 

@@ -48,8 +48,8 @@ def cell_file(scene: SceneDescription, robot: RobotDescription, seed: int) -> di
     """
     if has_feeder(scene) or scene.heaped or scene.belts:
         raise PicktreeError(
-            f"{scene.source or scene.name}: a cell file has items that lie on fixtures from the beginning; this "
-            "scene has a feed, a belt or a heap"
+            f"{scene.source or scene.name}: a cell file has items that lie on fixtures from the "
+            "beginning; this scene has a feed, a belt or a heap"
         )
     real = displace_fixtures(scene, seed)
     rule = destinations.destination_rule(scene.destinations)

@@ -1,8 +1,8 @@
 """Admittance control: contact for an arm that takes positions only, by the force that its wrist sensor feels.
 
-A virtual mass at the tool moves under the felt wrench, a spring and a damper; the arm follows it (Hogan 1985; Ott,
-Mukherjee and Nakamura, "Unified impedance and admittance control", ICRA 2010). Courses, stiffnesses and results are
-those of impedance control. Contacts at other parts of the arm are not felt.
+A virtual mass at the tool moves under the felt wrench, a spring and a damper; the arm follows it (Hogan
+1985; Ott, Mukherjee and Nakamura, "Unified impedance and admittance control", ICRA 2010). Courses,
+stiffnesses and results are those of impedance control. Contacts at other parts of the arm are not felt.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ VIRTUAL_MASS = np.repeat([6.0, 0.12], 3)
 VIRTUAL_DAMPING = np.repeat([250.0, 4.0], 3)
 """Damping against the resting world, Ns/m and Nms/rad: a stiff contact does not bounce.
 
-It is that of an arm that reacts within `REACTION_TIME`. A contact of stiffness k stays stable while k times the
-delay is below the damping, so that it grows with what is late.
+It is that of an arm that reacts within `REACTION_TIME`. A contact of stiffness k stays stable while k times
+the delay is below the damping, so that it grows with what is late.
 """
 REACTION_TIME = 0.015
 """Time in which the arm reacts to a contact without a latency of its hardware, s."""
@@ -93,8 +93,8 @@ class VirtualBody:
         )
 
     def follow(self, jacobian: Array, posture: Array) -> Array:
-        """Return the joint speeds (n,) that move the tool with the body, and the posture by `posture` (n,) rad/s
-        in the null space; within the limits of speed and acceleration."""
+        """Return the joint speeds (n,) that move the tool with the body, and the posture by `posture` (n,)
+        rad/s in the null space; within the limits of speed and acceleration."""
         square = jacobian @ jacobian.T + INVERSE_DAMPING * np.eye(6)
         own = posture - jacobian.T @ np.linalg.solve(square, jacobian @ posture)
         speed = jacobian.T @ np.linalg.solve(square, self.twist) + own
@@ -108,10 +108,11 @@ class VirtualBody:
 
 
 class CartesianAdmittance(CartesianImpedance):
-    """Admittance of the tool about a moving anchor: what `CartesianImpedance` is for an arm that takes torques.
+    """Admittance of the tool about a moving anchor: what `CartesianImpedance` is for an arm that takes
+    torques.
 
-    M a = K e + D (anchor rate - v) + contact wrench + wrench of the course; a and v are those of the commanded
-    tool. Without contact it follows the anchor like the spring.
+    M a = K e + D (anchor rate - v) + contact wrench + wrench of the course; a and v are those of the
+    commanded tool. Without contact it follows the anchor like the spring.
     """
 
     name: ClassVar[str] = "CartesianAdmittance"
@@ -246,8 +247,8 @@ class AdmittanceTrack(TrajectoryController):
 
 
 class AdmittanceReflex:
-    """Giving way to whatever pushes the hand: no spring, only damping. It ends once nothing pushes and the arm is
-    at rest.
+    """Giving way to whatever pushes the hand: no spring, only damping. It ends once nothing pushes and the
+    arm is at rest.
 
     It is the reflex of a moving arm to a contact, and releases the pressure of a contact at rest.
     """
@@ -264,8 +265,8 @@ class AdmittanceReflex:
         latency: float,
         ends: bool = True,
     ) -> None:
-        """`carried` (6,): wrench of the load on the hand, world axes, N and Nm. `ends`: whether it is done when
-        calm, or after `MAX_REFLEX_TIME`."""
+        """`carried` (6,): wrench of the load on the hand, world axes, N and Nm. `ends`: whether it is done
+        when calm, or after `MAX_REFLEX_TIME`."""
         self._model, self._period, self._wrist = model, period, wrist
         self._carried = carried[:3]
         self._ends = ends

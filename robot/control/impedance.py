@@ -323,7 +323,8 @@ class JointImpedanceController(TrajectoryController):
 
 
 def return_configuration(trajectory: Trajectory, progress: float, period: float) -> Array:
-    """Return the configuration (n,) on a path to which the arm goes back after a contact at `progress` s, rad."""
+    """Return the configuration (n,) on a path to which the arm goes back after a contact at `progress` s,
+    rad."""
     here, s = trajectory.sample(progress)[0], progress
     while s > 0.0:
         s = max(0.0, s - 2 * period)

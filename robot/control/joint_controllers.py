@@ -157,7 +157,8 @@ class TrajectoryController:
         return JointCommand(position, velocity)
 
     def ahead(self, times: tuple[float, ...]) -> tuple[Array, ...]:
-        """Return the configurations (n,) that follow the last command by these times, s; none while braking."""
+        """Return the configurations (n,) that follow the last command by these times, s; none while
+        braking."""
         if self._braking:
             return ()
         segment = self._segment

@@ -169,7 +169,8 @@ class WristWrench:
         return float(np.array([w.force for w in recent]).std(axis=0).max())
 
     def noise(self, window: float) -> float:
-        """Return the standard deviation of the sensor's own noise over the last `window` s, N, of the worst axis.
+        """Return the standard deviation of the sensor's own noise over the last `window` s, N, of the worst
+        axis.
 
         Successive readings differ by the noise; a vibration of the arm hardly changes between them.
         """

@@ -5,11 +5,14 @@ from __future__ import annotations
 import json
 import socket
 import threading
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+
+from picktree.drivers import protocol as p
 
 pytest.importorskip("mujoco")
 
@@ -18,8 +21,6 @@ from picktree_cell.cell_faults import CellFaults, read_faults
 from picktree_cell.cell_score import score
 from picktree_cell.plant import Plant
 from picktree_cell.server import CellServer
-
-from picktree.drivers import protocol as p
 
 from .served_cell import write_cell
 
@@ -125,7 +126,7 @@ def test_the_cell_scores_what_lies_where(cell: Cell) -> None:
     item = cell.items[0]
     bin_ = next(place for place in cell.places if place.id == item.destination)
     q = plant.parts.item_q[item.id]
-    plant.data.qpos[q : q + 3] = np.array(bin_.frame.at) + [0.0, 0.0, 0.05]
+    plant.data.qpos[q : q + 3] = np.array(bin_.frame.at) + np.array([0.0, 0.0, 0.05])
     plant.advance(0.6)
     after = score(plant)
     assert after["sorted"] == 1 and after["items"][item.id]["within"] == bin_.id
@@ -173,10 +174,8 @@ def talk(server: CellServer, *messages: p.Message) -> list[p.Message]:
     answers: list[p.Message] = []
 
     def serve() -> None:
-        try:
+        with suppress(p.ProtocolError):
             server.serve(p.Channel(one))
-        except p.ProtocolError:
-            pass
 
     thread = threading.Thread(target=serve)
     thread.start()

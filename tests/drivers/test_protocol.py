@@ -134,20 +134,39 @@ def test_a_command_with_its_preview_has_the_documented_layout() -> None:
     assert struct.unpack_from("<7d", frame, 52) == q
 
 
+def header(magic: bytes = b"PTRB", version: int = 1, kind: int = 3, length: int = 0) -> bytes:
+    return struct.pack("<4sHHI", magic, version, kind, length)
+
+
 @pytest.mark.parametrize(
     ("frame", "said"),
     [
-        (struct.pack("<4sHHI", b"HTTP", 1, 3, 0), "the peer does not speak this protocol: its frame begins with b'HTTP'"),
-        (struct.pack("<4sHHI", b"PTRB", 9, 3, 0), "the peer speaks version 9 of the protocol, this side version 1"),
-        (struct.pack("<4sHHI", b"PTRB", 1, 3, 2**32 - 1), "a payload of 4294967295 bytes is longer than 33554432"),
-        (struct.pack("<4sHHI", b"PTRB", 1, 77, 0), "a message kind 77 of 0 bytes is malformed: 77 is not a valid Kind"),
-        (struct.pack("<4sHHIH", b"PTRB", 1, 7, 2, 99), "a message STOP of 2 bytes is malformed: 99 is not a valid Stop"),
+        (
+            header(magic=b"HTTP"),
+            "the peer does not speak this protocol: its frame begins with b'HTTP'",
+        ),
+        (
+            header(version=9),
+            "the peer speaks version 9 of the protocol, this side version 1",
+        ),
+        (
+            header(length=2**32 - 1),
+            "a payload of 4294967295 bytes is longer than 33554432",
+        ),
+        (
+            header(kind=77),
+            "a message kind 77 of 0 bytes is malformed: 77 is not a valid Kind",
+        ),
+        (
+            header(kind=7, length=2) + struct.pack("<H", 99),
+            "a message STOP of 2 bytes is malformed: 99 is not a valid Stop",
+        ),
         (
             p.encode(p.Command(1, p.Mode.HOLD, (0.0,), (0.0,), (0.0,)))[:-8] + struct.pack("<d", np.nan),
             "a number is not finite",
         ),
     ],
-)  # fmt: skip
+)
 def test_what_is_wrong_with_a_frame_is_said(frame: bytes, said: str) -> None:
     one, other = socket.socketpair()
     with one, other:
