@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from picktree.analysis import Run
+from picktree.analysis.explain import explain, to_text
 from picktree.drivers import ExternalHardware
 from picktree.files import PicktreeError
 from picktree.logs import RunLog
@@ -41,6 +43,11 @@ def test_a_mission_sorts_all_items_in_another_engine(tmp_path: Path) -> None:
     )
     assert "items       4 of 4 sorted, 0 misplaced, 0 left, as the robot believes" in result.to_text()
     assert json.loads((result.folder / "result.json").read_text())["as_believed"] is True
+    # Nothing is told about a truth that the log does not have.
+    with Run(result.log) as run:
+        told = to_text(run, explain(run), str(result.log))
+    assert "4 of 4 items are where they belong, as the robot believes" in " ".join(told.split())
+    assert "truly" not in told
     with RunLog(result.log) as log:
         assert log.run.backend == "robot" and log.run.physics["engine"].startswith("MuJoCo")
         assert list(log.truths()) == []
