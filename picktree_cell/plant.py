@@ -300,7 +300,7 @@ class Plant:
         at, below, above = np.interp([angle, low, high], self._drive_order, self._width_order)
         inside = min(high, self._drive_order[-1]) - max(low, self._drive_order[0])
         per_rad = float(above - below) / max(inside, step)
-        return float(at), per_rad * float(v[0]), per_rad
+        return float(at), float(per_rad * v[0]), float(per_rad)
 
     def _own_weight(self) -> Array:
         """Return the torques (n,) that carry the robot's own weight, Nm."""
@@ -369,7 +369,7 @@ class Plant:
             return True
         started = self.time - self._grip_since >= BUSY_START_TIME
         far = abs(width - self._grip.width) > BUSY_DISTANCE
-        return far and (abs(rate) > BUSY_RATE or not started)
+        return bool(far and (abs(rate) > BUSY_RATE or not started))
 
     @staticmethod
     def _arm(values: Array, at: NDArray[np.intp]) -> Array:
