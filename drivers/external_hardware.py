@@ -1,7 +1,7 @@
 """Hardware in another process: `world.protocols.Hardware` over the protocol of drivers.
 
-In lockstep the robot's time passes only in `step`. The checked path ahead goes with each set-point, so that
-the robot side can go on by itself when a command is late.
+In lockstep the robot's time passes only in `step`. Each set-point has the checked path ahead with it, which
+the robot side follows by itself when a command is late.
 """
 
 from __future__ import annotations
@@ -233,7 +233,7 @@ class ExternalCamera:
 
 
 def _attach(name: str) -> shared_memory.SharedMemory:
-    """Attach a segment of the robot's process. Raises PicktreeError when there is none."""
+    """Attach a segment of the robot's process. Raises PicktreeError when it is missing."""
     try:
         segment = shared_memory.SharedMemory(name)
     except OSError as error:

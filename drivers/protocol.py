@@ -35,14 +35,14 @@ message and waits for its answer:
     9 BYE       empty: the robot brakes and waits for another client
    10 REFUSAL   code u16 (`Refused`), then UTF-8 to the end
 
-The answer to COMMAND is STATE. With `Capability.LOCKSTEP` the plant stands still but for `advance`. Later
+The answer to COMMAND is STATE. With `Capability.LOCKSTEP` time passes only by `advance`. Later
 versions may add a robot that sends STATE by itself; kinds from 32 on are reserved for real time, 64 for
 recordings.
 
 Position mode: `position` and `velocity` belong to the end of the period that the command begins. The
-previews are the checked path 30, 60, 100 and 150 ms after the command. When no command comes the robot goes
-on along them; after `silence` it brakes. Torque mode: the robot adds the torque that carries its own
-weight. Mode HOLD: the robot brakes and holds.
+previews are the checked path 30, 60, 100 and 150 ms after the command. When no command comes the robot
+follows them; after `silence` it brakes. Torque mode: the robot adds the torque that carries its own weight.
+Mode HOLD: the robot brakes and holds.
 
 Wrench: force and torque that the hand and its load exert on the wrist, in the axes of the flange (the child
 link of the flange joint) about its origin. A load that hangs still adds a force along gravity. It is not
@@ -329,7 +329,7 @@ class Bye:
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """Reason for which the peer does not go on."""
+    """Reason for which the peer ends the connection."""
 
     code: Refused
     text: str
@@ -453,7 +453,7 @@ def decode_header(data: bytes) -> tuple[int, int]:
 
 
 def decode(kind: int, payload: bytes) -> Message:
-    """Return the message of a frame. Raises ProtocolError, with the reason, for a payload that is none."""
+    """Return the message of a frame. Raises ProtocolError, with the reason, for another payload."""
     try:
         return _decoded(Kind(kind), payload)
     except ProtocolError:

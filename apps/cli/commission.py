@@ -249,6 +249,17 @@ def new(
 @robot.command()
 def test(
     name: Annotated[str, typer.Argument(metavar="ROBOT", help="Shipped robot or robot file.")],
+    robot_at: Annotated[
+        str,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Test the robot whose process listens there. The arm moves by millimetres.",
+            show_default="a simulation",
+        ),
+    ] = "",
+    scene: Annotated[
+        str, typer.Option(metavar="SCENE", help="Scene of the cell, with --robot-at.")
+    ] = "sort_small",
     page: RobotTestPage = None,
     json: JsonResult = False,
 ) -> None:
@@ -257,19 +268,22 @@ def test(
     The tests: masses, limits, home, fingers, tool frame; effort at rest, tracking, braking, a soft retreat,
     the gripper, the camera's view. Then a block, a can and a flat plate are grasped. A failed test names the
     change and the file. Exit code 0: all tests are passed; 1: one failed.
+
+    With --robot-at: weight of the hand, noise, axes and sign of the wrist, 5 mm along each axis, latencies,
+    gripper.
     """
     answer = keep_stdout() if json else None
-    result = _tested(name, page)
+    result = _tested(name, scene, robot_at, page)
     print_answer(answer, result.to_text, result.to_json_text)
     end_with(result.good)
 
 
-def _tested(name: str, page: Path | None) -> RobotTestResult:
+def _tested(name: str, scene: str, robot_at: str, page: Path | None) -> RobotTestResult:
     """Test a robot, and write the page if requested."""
-    from picktree.apps.commissioning import test_robot
+    from picktree.apps.commissioning import test_external_robot, test_robot
     from picktree.world.robot_model import load_robot
 
-    result = test_robot(name)
+    result = test_external_robot(name, scene, robot_at) if robot_at else test_robot(name)
     if page is not None:
         result.write_page(load_robot(name, Path.cwd()), page)
     return result

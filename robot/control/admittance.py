@@ -93,8 +93,10 @@ class VirtualBody:
         )
 
     def follow(self, jacobian: Array, posture: Array) -> Array:
-        """Return the joint speeds (n,) that move the tool with the body, and the posture by `posture` (n,)
-        rad/s in the null space; within the limits of speed and acceleration."""
+        """Return the joint speeds (n,) that move the tool with the body, within speed and acceleration.
+
+        `posture` (n,): wanted joint speeds in the null space, rad/s.
+        """
         square = jacobian @ jacobian.T + INVERSE_DAMPING * np.eye(6)
         own = posture - jacobian.T @ np.linalg.solve(square, jacobian @ posture)
         speed = jacobian.T @ np.linalg.solve(square, self.twist) + own

@@ -30,7 +30,7 @@ MAX_RIGID_TOUCH_SPEED = 0.02
 """Greatest speed at which an arm that takes positions meets a contact, m/s.
 
 Its servo is rigid until the wrist sensor has felt the contact: 10 kg on 10⁵ N/m give 1 N for each mm/s.
-What is late adds to that.
+A latency adds to that.
 """
 MAX_STANDSTILL_WAIT = 1.5
 """Longest wait for the arm to come to rest after a compliant motion, s."""

@@ -39,7 +39,7 @@ from .impedance import CartesianImpedance, ContactReflex
 from .joint_controllers import BrakeController, HoldController, TrajectoryController
 from .motion_lease import Lease
 from .safety_monitor import MonitorState, SafetyMonitor
-from .wrist_wrench import MAX_QUIET_DEVIATION, WRIST_WINDOW, BiasEstimator, WristWrench
+from .wrist_wrench import MAX_QUIET_DEVIATION, MAX_SENSOR_NOISE, WRIST_WINDOW, BiasEstimator, WristWrench
 
 REST_SPEED = 0.02
 """Speed over all joints below which the arm counts as at rest, rad/s."""
@@ -358,6 +358,8 @@ class ControlLoopState:
     """Whether the wrist sensor is known to be noisy: it never repeats a reading."""
     doubts_wrist: bool = False
     """Whether the joints' efforts contradict the wrist reading."""
+    least_noise: float = MAX_SENSOR_NOISE
+    """Least noise of the wrist at rest so far, N; older logs have none."""
 
 
 class ControlLoop:
@@ -576,6 +578,7 @@ class ControlLoop:
             self.wrist.learnt,
             self.wrist.noisy,
             self._bias.doubtful,
+            self.wrist.least_noise,
         )
 
     def restore(self, saved: ControlLoopState) -> None:
@@ -587,6 +590,7 @@ class ControlLoop:
         self._reference = self._drive.reference
         self.wrist.restore(saved.readings, saved.tare, saved.stamps, saved.bias, self.tcp)
         self.wrist.noisy, self._bias.doubtful = saved.noisy, saved.doubts_wrist
+        self.wrist.least_noise = saved.least_noise
         self._supervision.restore(saved.periods)
         self._watchdog = Watchdog()
         self.monitor.restore(saved.monitor)

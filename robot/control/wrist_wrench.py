@@ -31,8 +31,9 @@ MAX_BIAS_STEP = 3.0
 """Greatest change of a learnt bias, N. Sensors drift, they do not jump."""
 MAX_QUIET_DEVIATION = 0.6
 """Standard deviation of the force up to which a bias can be learnt, N."""
-NOISE_MARGIN = 1.6
-"""Ratio of the deviation to the sensor's noise up to which nothing vibrates: 20 readings estimate both."""
+MAX_SENSOR_NOISE, NOISE_MARGIN = 1.0, 1.9
+"""Greatest noise that a sensor may have, N, and the ratio of a deviation to the noise up to which nothing
+vibrates: some 20 readings estimate both."""
 BIAS_DRIFT = 0.015
 """Expected drift of the bias, N after one second; it grows with the root of the time."""
 
@@ -67,6 +68,8 @@ class WristWrench:
         self._sensor_in_tool = _sensor_in_tool(model)
         self._hand_com = np.array(model.hand_com)
         self._changed = -1.0
+        self.least_noise = MAX_SENSOR_NOISE
+        """Least noise of the force at rest so far, N."""
         self.noisy = False
         """Whether all readings differed from each other at the last `zero`."""
         self.payload: Payload | None = None
@@ -169,8 +172,7 @@ class WristWrench:
         return float(np.array([w.force for w in recent]).std(axis=0).max())
 
     def noise(self, window: float) -> float:
-        """Return the standard deviation of the sensor's own noise over the last `window` s, N, of the worst
-        axis.
+        """Return the standard deviation of the sensor's noise over the last `window` s, N, of the worst axis.
 
         Successive readings differ by the noise; a vibration of the arm hardly changes between them.
         """
@@ -181,9 +183,9 @@ class WristWrench:
 
     def vibrates(self, window: float, limit: float) -> bool:
         """Return whether the force deviated by more than `limit` N over the last `window` s, and by more than
-        the sensor's noise explains."""
+        the sensor's noise at rest explains."""
         unrest = self.unrest(window)
-        return unrest > limit and unrest > NOISE_MARGIN * self.noise(window)
+        return unrest > limit and unrest > NOISE_MARGIN * self.least_noise
 
     @property
     def repeats_since(self) -> float | None:
@@ -203,6 +205,8 @@ class WristWrench:
         """
         recent = self._last(window)
         self.noisy = len(recent) > 2 and len({w.force for w in recent}) == len(recent)
+        if len(recent) > 2:
+            self.least_noise = min(self.least_noise, self.noise(window))
         known = np.zeros(6) if self._bias is None else self._bias
         tool = self._model.tcp(q)
         turn = tool.rotation()

@@ -169,8 +169,9 @@ def test_a_noisy_wrist_is_not_taken_for_a_vibration() -> None:
         assert len(wrist.stamps) < 20 or not wrist.vibrates(0.1, 0.6)
     assert wrist.unrest(0.1) > 0.6
     assert wrist.noise(0.1) == pytest.approx(1.0, abs=0.4)
+    assert wrist.zero(0.1, HOME)
     for k in range(40):  # a vibration of 10 Hz
-        sample(1.5 * float(np.sin(2 * np.pi * 10 * 0.005 * k)), 0.0, 0.0)
+        sample(4.0 * float(np.sin(2 * np.pi * 10 * 0.005 * k)), 0.0, 0.0)
     assert wrist.vibrates(0.1, 0.6)
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from picktree.analysis import Run
 from picktree.analysis.explain import explain, to_text
+from picktree.apps.commissioning import RobotTestResult, test_external_robot
 from picktree.drivers import ExternalHardware
 from picktree.files import PicktreeError
 from picktree.logs import RunLog
@@ -76,3 +77,24 @@ def test_where_nobody_listens_is_said(tmp_path: Path, monkeypatch: pytest.Monkey
     assert str(raised.value) == (
         "--robot-at: 'robot' is no address: write a path, as /tmp/robot.sock, or 127.0.0.1:5577"
     )
+
+
+def test_the_robot_is_tested_before_the_first_mission(tmp_path: Path) -> None:
+    """A sound cell passes; a hand of another mass, and late fingers, are named with the measured value."""
+    cell = write_cell(tmp_path)
+    with served(cell) as one:
+        sound = external_robot_verdicts(one.address)
+    assert sound.good, sound.to_text()
+    with served(cell, hand_mass_error=0.3, gripper_latency=0.4) as other:
+        verdicts = external_robot_verdicts(other.address)
+    failed = {verdict.name: verdict for verdict in verdicts.verdicts if not verdict.good}
+    assert set(failed) == {"weight of the hand", "gripper"}
+    assert failed["weight of the hand"].measured == "1.253 kg, by the model 1.010 kg"
+    assert failed["weight of the hand"].change.startswith("enter 1.253 kg for the hand in the robot file")
+
+
+def external_robot_verdicts(address: str) -> RobotTestResult:
+    return test_external_robot("panda", "sort_small", address)
+
+
+test_external_robot.__test__ = False  # type: ignore[attr-defined]
