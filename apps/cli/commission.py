@@ -273,12 +273,12 @@ def test(
     gripper.
     """
     answer = keep_stdout() if json else None
-    result = _tested(name, scene, robot_at, page)
+    result = _tested(name, page, scene, robot_at)
     print_answer(answer, result.to_text, result.to_json_text)
     end_with(result.good)
 
 
-def _tested(name: str, scene: str, robot_at: str, page: Path | None) -> RobotTestResult:
+def _tested(name: str, page: Path | None, scene: str = "sort_small", robot_at: str = "") -> RobotTestResult:
     """Test a robot, and write the page if requested."""
     from picktree.apps.commissioning import test_external_robot, test_robot
     from picktree.world.robot_model import load_robot
