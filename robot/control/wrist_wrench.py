@@ -31,9 +31,10 @@ MAX_BIAS_STEP = 3.0
 """Greatest change of a learnt bias, N. Sensors drift, they do not jump."""
 MAX_QUIET_DEVIATION = 0.6
 """Standard deviation of the force up to which a bias can be learnt, N."""
-MAX_SENSOR_NOISE, NOISE_MARGIN = 1.0, 1.9
-"""Greatest noise that a sensor may have, N, and the ratio of a deviation to the noise up to which nothing
-vibrates: some 20 readings estimate both."""
+MAX_SENSOR_NOISE = 1.0
+"""Greatest noise that a sensor may have, N."""
+NOISE_MARGIN = 1.9
+"""Ratio of a deviation to the noise up to which nothing vibrates: some 20 readings estimate both."""
 BIAS_DRIFT = 0.015
 """Expected drift of the bias, N after one second; it grows with the root of the time."""
 
