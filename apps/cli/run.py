@@ -306,6 +306,9 @@ def refuse_contradictions(context: typer.Context) -> None:
 
     An option that the resumed run's log determines excludes --resume.
     """
+    given = context.get_parameter_source("backend")
+    if context.params["robot_at"] and given is not None and given.name == "COMMANDLINE":
+        raise PicktreeError("--robot-at and --backend exclude each other: a robot is no simulation")
     if context.params["resume"] is None:
         if context.params["as_it_stands"]:
             raise PicktreeError("--as-it-stands needs a run to resume: give --resume LOG, too")
