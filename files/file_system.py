@@ -90,6 +90,8 @@ def whole(paths: Sequence[Path], output: Path) -> Generator[list[Path]]:
 
 ROOT: Final = Path(__file__).resolve().parent.parent
 """Folder of the package `picktree`. In a checkout it contains tests, examples and documents, too."""
+OTHER_PACKAGE: Final = "picktree_cell"
+"""Package in the checkout that is installed beside picktree."""
 EXAMPLES: Final = ROOT / "examples"
 """Shipped missions, with cases and faults in folders below."""
 
@@ -97,8 +99,9 @@ EXAMPLES: Final = ROOT / "examples"
 @cache
 def rooms() -> tuple[str, ...]:
     """Return the names of the top-level packages, sorted. Only they have an `__init__.py`: tests and examples
-    have none."""
-    return tuple(sorted(file.parent.name for file in ROOT.glob("*/__init__.py")))
+    have none. The package `picktree_cell` beside them is no part of picktree."""
+    found = (file.parent.name for file in ROOT.glob("*/__init__.py"))
+    return tuple(sorted(name for name in found if name != OTHER_PACKAGE))
 
 
 def find_file(name_or_path: str, folder: Path, beside: Path | None, what: str) -> Path:

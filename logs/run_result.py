@@ -152,6 +152,8 @@ class RunResult:
     """Items that fingers crushed."""
     asked: operator_desk.OperatorQuestion | None = None
     """Question to a person, for a paused run; else None."""
+    as_believed: bool = False
+    """Whether `items` counts what the robot believes: a run on a robot has no ground truth."""
 
     @property
     def reached(self) -> bool:
@@ -199,6 +201,7 @@ class RunResult:
             "holes": [asdict(item) for item in self.holes],
             "crushed": [asdict(item) for item in self.crushed],
             "asked": None if self.asked is None else self.asked.to_json(),
+            **({"as_believed": True} if self.as_believed else {}),
             "cpu_seconds": round(self.cpu_seconds, 3),
             "wall_seconds": {part: round(wall, 3) for part, wall in asdict(self.wall_seconds).items()},
             "log": str(self.log.absolute()),
@@ -230,6 +233,7 @@ class RunResult:
                 asked=operator_desk.OperatorQuestion.from_json(values["asked"])
                 if values.get("asked")
                 else None,
+                as_believed=bool(values.get("as_believed", False)),
                 log=Path(values["log"]),
                 folder=Path(values["folder"]),
                 **{name: values[name] for name in _PLAIN_FIELDS},
@@ -243,7 +247,7 @@ class RunResult:
         lines = [
             f"{self.status}: {_SENTENCES[self.status]}" + (f": {self.message}" if self.message else ""),
             *self._waits(program),
-            f"items       {items.to_text()}",
+            f"items       {items.to_text()}{', as the robot believes' if self.as_believed else ''}",
         ]
         lines += [
             f"  {form:<10}{count.sorted} of {count.total}" for form, count in sorted(items.by_form.items())

@@ -8,8 +8,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from picktree.files import PicktreeError
 from picktree.logs import RunStatus, log_records
 from picktree.logs.recording import RecordingState
@@ -25,7 +23,7 @@ from picktree.robot.planning import (
     TrajectoryGate,
     standing_pairs,
 )
-from picktree.simulation import FaultInjector, Simulation, TrueBody, build_hardware, checkpoints, rests
+from picktree.simulation import FaultInjector, Simulation, build_hardware
 from picktree.trees import MAIN, Mission, NodeStatus, build, runner
 from picktree.world import (
     ComputeTimeAccount,
@@ -38,17 +36,17 @@ from picktree.world import (
     Stopwatch,
     Tick,
     Vector3,
-    extents,
     heap_geometry,
     planner_names,
     world_facts,
 )
 from picktree.world.robot_model import RobotDescription, RobotModel
-from picktree.world.scene import Fixture, SceneDescription, destinations
+from picktree.world.scene import SceneDescription, destinations
 
 from .checkpoints import NOTHING_RECORDED, RunState, restore_checkpoint, take_checkpoint
 from .run_recipe import Recipe, StartCheckpoint
 from .run_tally import RunCounters
+from .stage import Stage
 
 TICK_LENGTH = 0.05
 """Length of a tick, simulated s."""
@@ -145,6 +143,22 @@ def assemble_world(
     )
 
 
+def _build(recipe: Recipe) -> tuple[Hardware, Simulation | None]:
+    """Return the hardware of a recipe, and the same as a simulation; None when it is a robot.
+
+    Raises PicktreeError for a robot that cannot be reached or does not fit, and for faults beside one.
+    """
+    if recipe.robot_at:
+        from picktree.drivers import ExternalHardware
+
+        if recipe.faults is not None:
+            raise PicktreeError("faults are injected into a simulation; a robot has its own")
+        return ExternalHardware(recipe.scene, recipe.robot, recipe.robot_at), None
+    start = recipe.start.state.simulation if recipe.start else None
+    simulation = build_hardware(recipe.backend, recipe.scene, recipe.robot, recipe.seed, start)
+    return simulation, simulation
+
+
 _MAX_BRAKING_TICKS = 40
 """Upper bound of the number of ticks in which any motion comes to rest."""
 _MAX_SETTLING_TICKS = 100
@@ -180,13 +194,7 @@ class Execution:
         start = recipe.start
         if after is None:
             self.stopwatch = stopwatch or Stopwatch()
-            self.hardware: Simulation = build_hardware(
-                recipe.backend,
-                recipe.scene,
-                recipe.robot,
-                recipe.seed,
-                start.state.simulation if start else None,
-            )
+            self.hardware, simulation = _build(recipe)
             self.world = assemble_world(
                 self.hardware,
                 recipe.scene,
@@ -198,18 +206,23 @@ class Execution:
             )
         else:
             self.stopwatch, self.hardware, self.world = after.stopwatch, after.hardware, after.world
+            simulation = after.stage.simulation if after.stage else None
         self.limit = recipe.limit + (after.world.clock.now if after else 0.0)
         """Time at which the run is ended, simulated s."""
         self.tree = build(self.mission, self.world, recipe.parameters)
-        self.injector = FaultInjector(
-            recipe.faults,
-            self.hardware,
-            self._object_place,
-            seed=recipe.seed,
-            program=lambda: self.tree,
-            kill=kill,
-        )
-        self.world.plan.finds_nothing = self.injector.no_plan
+        self.stage: Stage | None = None
+        """Ground truth, faults and saved states of a simulation; None on a robot."""
+        if simulation is not None:
+            injector = FaultInjector(
+                recipe.faults,
+                simulation,
+                self._object_place,
+                seed=recipe.seed,
+                program=lambda: self.tree,
+                kill=kill,
+            )
+            self.world.plan.finds_nothing = injector.no_plan
+            self.stage = Stage(simulation, injector)
         self.tally = RunCounters()
         self._disagreed = -len(self.world.plan.disagreements)
         self.adoption: runner.StateTransfer | None = None
@@ -219,20 +232,19 @@ class Execution:
         self._first = resync_belief(self.world) if start and start.continues.as_it_stands else None
         """Resynchronisation of the belief before the tree resumes; None: not needed, or over."""
         self._checkpointed = self.tally.done
-        self.tree.on_start.append(self.injector.node_started)
+        if self.stage is not None:
+            self.tree.on_start.append(self.stage.injector.node_started)
         self.tally.follow(self.tree.structure())
-        self.items_total = self.hardware.item_count
-        """Number of items that have come so far."""
+        self.items_total = self._count_items()
+        """Number of items that have come so far; on a robot, of those that it has seen."""
 
     def tick(self) -> tuple[Tick, tuple[Entry, ...]]:
         """Tick the tree and the faults; return the report of the tree and the tick's journal entries."""
         with self.stopwatch.measure("tree"):
             report = self._look_first() or self.tree.tick()
-        faults, feed = self.injector.tick(), self.hardware.take_events()
-        if feed:
-            self.items_total = self.hardware.item_count
-        for happened in (*faults, *feed):
+        for happened in self.stage.tick() if self.stage else ():
             self.world.journal.note(happened)
+        self.items_total = self._count_items()
         entries = self.world.journal.take()
         decisions = self.tally.take(self.world.clock.now, entries, self.tree.leaves, report.edges)
         return report, (*entries, *decisions)
@@ -260,11 +272,8 @@ class Execution:
     def let_items_rest(self) -> None:
         """Pass time until no item moves, except those on belts: the score of an ended run is that of items at
         rest."""
-        scene = self.recipe.scene
-        belts = [scene.fixture(belt.id) for belt in scene.belts]
-        for _ in range(_MAX_SETTLING_TICKS):
-            moving = (body for body in self.hardware.recent_truth() if body.present and not rests(body))
-            if all(any(_is_over(belt, body) for belt in belts) for body in moving):
+        for _ in range(_MAX_SETTLING_TICKS if self.stage else 0):
+            if self.stage is None or not self.stage.items_move(self.recipe.scene):
                 return
             self.pass_time()
 
@@ -280,19 +289,24 @@ class Execution:
 
     @property
     def checkpoint_due(self) -> bool:
-        """Whether enough items are done for a checkpoint and the run is quiescent."""
+        """Whether enough items are done for a checkpoint and the run is quiescent. A robot has none."""
         every = self.recipe.scene.checkpoint_every
-        return self.tally.done - self._checkpointed >= every and self.quiet
+        return self.stage is not None and self.tally.done - self._checkpointed >= every and self.quiet
 
     def checkpoint(self, recording: RecordingState) -> RunState:
-        """Take a checkpoint; `recording` is the state of the log. The simulation continues from it."""
+        """Take a checkpoint; `recording` is the state of the log. The simulation continues from it.
+
+        Raises PicktreeError for a run on a robot, whose state cannot be saved.
+        """
+        if self.stage is None:
+            raise PicktreeError("a run on a robot has no checkpoints")
         self._checkpointed = self.tally.done
         with self.stopwatch.measure("physics"):
             return take_checkpoint(
                 self.world,
                 self.tree,
-                self.hardware,
-                self.injector,
+                self.stage.simulation,
+                self.stage.injector,
                 self.tally,
                 recording,
                 self.disagreements,
@@ -303,7 +317,7 @@ class Execution:
 
         For an execution that uses the world of another one. Its limit becomes an absolute time.
         """
-        if not self.quiet:
+        if self.stage is None or not self.quiet:
             return
         now, done = self.world.clock.now, self.world.journal.items_done
         state = replace(self.checkpoint(NOTHING_RECORDED), items_done=done)
@@ -311,14 +325,11 @@ class Execution:
         self.recipe = replace(self.recipe, limit=self.limit, start=StartCheckpoint(state, continues))
 
     def true_state(self, departed: int = 0) -> dict[str, Any]:
-        """Return the present state of the simulation as plain values, without changing it.
-
-        It has the faults and the wrist sensor's learnt bias, and leaves out the first `departed` items that
-        left with bins.
-        """
-        bias = list(self.world.control.wrist.learnt)
-        faults = checkpoints.json_values(self.injector.state())
-        return {**self.hardware.snapshot().to_plain(departed), "faults": faults, "wrist_bias": bias}
+        """Return the present state of the simulation as plain values, see `Stage.true_state`; empty on a
+        robot."""
+        if self.stage is None:
+            return {}
+        return self.stage.true_state(departed, list(self.world.control.wrist.learnt))
 
     @property
     def disagreements(self) -> int:
@@ -335,6 +346,12 @@ class Execution:
         self.tally.follow(tree.structure())
         return adoption
 
+    def _count_items(self) -> int:
+        if self.stage is not None:
+            return self.stage.simulation.item_count
+        items = sum(each.role == "item" for each in self.world.scene.objects)
+        return max(items, self.tally.count("bin"))
+
     def _take_up(self, start: StartCheckpoint) -> None:
         """Restore world, tree, faults and counters from a checkpoint."""
         state = start.state
@@ -344,7 +361,8 @@ class Execution:
             self._read_parameters(start.changed)
         else:
             self.tree.restore(state.tree)
-        self.injector.restore(state.faults)
+        if self.stage is not None:
+            self.stage.injector.restore(state.faults)
         if state.tally is not None:
             self.tally = RunCounters.resumed(state.tally)
         self._disagreed = state.disagreements
@@ -382,9 +400,3 @@ class Execution:
             return None
         belief = self.world.scene.find(str(node.input("object")))
         return belief.pose.position if belief else None
-
-
-def _is_over(belt: Fixture, body: TrueBody) -> bool:
-    low, high = extents(belt.shape, np.eye(3))
-    x, y, z = (belt.pose.inverse() @ body.pose).position
-    return bool(low[0] <= x <= high[0] and low[1] <= y <= high[1] and z > low[2])

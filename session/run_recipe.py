@@ -81,6 +81,8 @@ def _name(plugin: Plugin, file: Path, folder: Path) -> str:
     return f"plugin/{file.relative_to(folder).as_posix() if beside else plugin.name}"
 
 
+ROBOT_BACKEND: Final = "robot"
+"""Backend in the log of a run on a robot."""
 DEFAULT_TIME_LIMIT = 3600.0
 """Default limit of a run, simulated s."""
 
@@ -121,6 +123,8 @@ class Recipe:
     """Checkpoint to start from; None: start from the beginning."""
     paths: Mapping[str, str] = field(default_factory=dict[str, str])
     """Original paths of the files of a recipe from a log, by name of the attachment."""
+    robot_at: str = ""
+    """Address of the robot's process, see `drivers`; empty: a simulation."""
 
 
 ASSORTMENT_MESHES: Final = "assortment.zip"
@@ -309,6 +313,8 @@ class RunRequest:
     """Take over an edited mission between two items."""
     rotation: log_files.Rotation = log_files.NO_ROTATION
     """Limits at which the log continues in a further file."""
+    robot_at: str = ""
+    """Address of the robot's process, see `drivers`; empty: a simulation."""
 
 
 def read_recipe(request: RunRequest, mission: Mission | None = None) -> Recipe:
@@ -335,6 +341,7 @@ def read_recipe(request: RunRequest, mission: Mission | None = None) -> Recipe:
         request.verify,
         request.limit,
         own_scene=request.scene is None,
+        robot_at=request.robot_at,
     )
 
 
@@ -392,6 +399,11 @@ class Unpacking:
     def recipe(self, seed: int, start: StartCheckpoint | None = None) -> Recipe:
         """Return the recipe with that seed, and the checkpoint from which it starts."""
         info, backend = self._info, self._info.backend
+        if backend == ROBOT_BACKEND:
+            raise PicktreeError(
+                f"{self._log.path}: the run was on a robot, whose sensors cannot be computed again; "
+                "`explain`, `report` and `replay` read its log"
+            )
         if backend not in ("physics", "kinematic"):
             raise PicktreeError(f"{self._log.path}: the log is of the unknown backend {backend!r}")
         return Recipe(

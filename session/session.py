@@ -31,11 +31,12 @@ from picktree.logs import (
     log_records,
 )
 from picktree.robot.perception import hidden_shares
-from picktree.simulation import ItemScore, TrueBody, score
+from picktree.simulation import ItemScore, Score, TrueBody, score
 from picktree.trees import Mission
 from picktree.world import Stopwatch, Tick, event_types
 from picktree.world.scene import MAX_HIDDEN_SHARE
 
+from .believed_score import believed_count
 from .execution import Execution
 from .mission_edits import FileWatch, MissionReload, adoption_summary, mission_changed
 from .observer import Interrupter, Observer, answer_pending
@@ -95,8 +96,8 @@ def summarise(run: Execution, timer: RunTimer, status: RunStatus, digest: str, l
     """
     recipe, tally = run.recipe, run.tally
     scene, desk, now = recipe.scene, run.world.operator, run.world.clock.now
-    truth = run.hardware.truth()
-    verdict = score(truth, scene)
+    truth = run.stage.simulation.truth() if run.stage else ()
+    verdict = score(truth, scene) if run.stage else Score(believed_count(run.world.scene.objects, scene), ())
     goal = run.mission.goal.text if run.mission.goal else scene.goal
     if status == "success" and not verdict.reached(goal):
         status = "incomplete"
@@ -111,7 +112,10 @@ def summarise(run: Execution, timer: RunTimer, status: RunStatus, digest: str, l
         failures=dict(tally.failures),
         recoveries=dict(tally.recovered),
         cures=tally.cures,
-        planted=(*tally.planted, *episode_counts.never_due(run.injector.never_due)),
+        planted=(
+            *tally.planted,
+            *(episode_counts.never_due(run.stage.injector.never_due) if run.stage else ()),
+        ),
         sim_seconds=now,
         cpu_seconds=timer.cpu_seconds,
         wall_seconds=timer.wall_seconds(),
@@ -130,6 +134,7 @@ def summarise(run: Execution, timer: RunTimer, status: RunStatus, digest: str, l
         ),
         feed=FeedCount(tally.deliveries, tally.exchanges, tally.set_aside) if scene.deliveries else None,
         asked=question,
+        as_believed=run.stage is None,
     )
 
 
@@ -208,6 +213,7 @@ class Session:
         """
         arithmetic.check()
         self._observers: list[Observer] = list(observers)
+        self._owns_hardware = not isinstance(recipe, Execution)
         self.timer = RunTimer(recipe.stopwatch if isinstance(recipe, Execution) else None)
         if isinstance(recipe, RunRequest):
             record = record or Recording(recipe.out, recipe.rotation)
@@ -238,6 +244,7 @@ class Session:
         """
         execution, log = self.execution, self.folder / LOG_FILE_NAME
         with (
+            self._released_robot(),
             _without_old_garbage(),
             SessionRecorder(log, execution, self._rotation, self._observers) as recorder,
         ):
@@ -264,6 +271,15 @@ class Session:
         for observer in self._observers:
             observer.finished(result)
         return result
+
+    @contextmanager
+    def _released_robot(self) -> Generator[None]:
+        """Release a robot of this session's own at the end of the block."""
+        try:
+            yield
+        finally:
+            if self._owns_hardware and self.execution.stage is None:
+                self.execution.hardware.close()
 
     def _loop(self, recorder: SessionRecorder) -> RunStatus:
         execution, stopwatch = self.execution, self.timer.stopwatch
@@ -303,7 +319,7 @@ class Session:
         world = self.execution.world
         if answer_pending(world.operator, world.journal, self._interrupters):
             return None
-        if self.execution.quiet:
+        if self.execution.quiet and self.execution.stage is not None:
             self._checkpoint(recorder)
         return "paused"
 

@@ -28,7 +28,7 @@ from .arithmetic_probe import arithmetic
 from .checkpoints import RunState
 from .execution import Execution
 from .observer import Observer
-from .run_recipe import fingerprints, mission_files, plugin_versions, recipe_files
+from .run_recipe import ROBOT_BACKEND, fingerprints, mission_files, plugin_versions, recipe_files
 
 _MOMENTARY_TOPICS: Final = frozenset(
     topic.name
@@ -76,7 +76,9 @@ class SessionRecorder:
         self._world = run.world
         self._gripper = run.hardware.gripper
         self._checkpoints = self._edits = self._refused = 0
-        self._there = {body.id for body in run.hardware.recent_truth() if body.present}
+        self._stage = run.stage.simulation if run.stage else None
+        present = self._stage.recent_truth() if self._stage else ()
+        self._there = {body.id for body in present if body.present}
         """Ids of the items in the last message about the ground truth."""
         recipe = run.recipe
         start = recipe.start
@@ -86,7 +88,7 @@ class SessionRecorder:
             scene=recipe.scene.name,
             robot=recipe.robot.name,
             seed=recipe.seed,
-            backend=recipe.backend,
+            backend=recipe.backend if self._stage else ROBOT_BACKEND,
             tick=run.world.tick,
             parameters=recipe.parameters,
             physics={
@@ -134,7 +136,8 @@ class SessionRecorder:
         for file in self._files:
             recorder.attach(file.name, file.content, file.media_type)
         recorder.attach(environment.SOURCES_ATTACHMENT, environment.sources_to_text(environment.sources()))
-        recorder.fixed(recipe.scene.fixtures, recipe.scene.bins, run.hardware.true_fixtures())
+        really = self._stage.true_fixtures() if self._stage else None
+        recorder.fixed(recipe.scene.fixtures, recipe.scene.bins, really)
         if start is None:
             recorder.tree(tree)
             recorder.robot_model(binary_gltf.link_meshes(recipe.robot.urdf))
@@ -190,6 +193,8 @@ class SessionRecorder:
         recorder.wrench(now, world.control.wrench_external())
         recorder.control(now, _control(world.control.controller, world.control.reference, state.position))
         moved = any(isinstance(entry, JournalEvent) and _moves_bodies(entry) for entry in entries)
+        if self._stage is None:
+            return
         if moved or recorder.truth_due(now):
             self._truth(now)
         if recorder.state_due(now):
@@ -226,6 +231,8 @@ class SessionRecorder:
 
     def last(self) -> None:
         """Write the ground truth at the end."""
+        if self._stage is None:
+            return
         now = self._world.clock.now
         self._truth(now)
         self._recorder.true_state(now, self._run.true_state)
@@ -236,7 +243,8 @@ class SessionRecorder:
         An item that a fault has removed is left out. One that left with its bin is written once more, at its
         last pose.
         """
-        hardware = self._run.hardware
+        hardware = self._stage
+        assert hardware is not None
         bodies = [
             body
             for body in hardware.recent_truth()

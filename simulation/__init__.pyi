@@ -1,5 +1,6 @@
 from .backends import build_hardware as build_hardware
 from .checkpoints import Backend as Backend
+from .cell_file import cell_file as cell_file
 from .fault_injector import FaultInjector as FaultInjector
 from .fault_loading import load_faults as load_faults, parse_faults as parse_faults
 from .scorer import score as score
@@ -27,7 +28,12 @@ from .planted_obstacles import (
     HiddenObstacles as HiddenObstacles,
     MIN_OBSTACLE_CLEARANCE as MIN_OBSTACLE_CLEARANCE,
 )
-from .scorer import ItemScore as ItemScore, MAX_REST_SPEED as MAX_REST_SPEED, rests as rests
+from .scorer import (
+    ItemScore as ItemScore,
+    MAX_REST_SPEED as MAX_REST_SPEED,
+    Score as Score,
+    rests as rests,
+)
 from .sensor_noise import (
     RobotSensorNoise as RobotSensorNoise,
     mislabelled as mislabelled,

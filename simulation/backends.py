@@ -45,8 +45,6 @@ class Simulation(Hardware, InjectableRobot, Protocol):
         bit-exact."""
         ...
 
-    def settings(self) -> Mapping[str, str]: ...
-
 
 def build_hardware(
     backend: Backend,

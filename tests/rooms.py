@@ -8,7 +8,8 @@ from typing import Any
 
 ROOT = Path(__file__).parents[1]
 PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-PACKAGES: list[str] = PROJECT["tool"]["setuptools"]["packages"]
+LISTED: list[str] = PROJECT["tool"]["setuptools"]["packages"]
+PACKAGES = [package for package in LISTED if package.split(".")[0] == "picktree"]
 ROOMS = sorted({package.split(".")[1] for package in PACKAGES if "." in package})
 """Top-level packages."""
 

@@ -31,8 +31,11 @@ class Arm(Protocol):
         """Read the encoders of this control period; the result is the same until the next step."""
         ...
 
-    def follow(self, position: Array, velocity: Array) -> None:
-        """Command the stiff joint servo for the next period: (n,) rad, (n,) rad/s."""
+    def follow(self, position: Array, velocity: Array, ahead: tuple[Array, ...] = ()) -> None:
+        """Command the stiff joint servo for the next period: (n,) rad, (n,) rad/s.
+
+        `ahead`: configurations (n,) of the checked path at the times of `Hardware.preview`; empty: it ends.
+        """
         ...
 
     def apply_torque(self, torque: Array) -> None:
@@ -193,6 +196,21 @@ class Hardware(Protocol):
         ...
 
     @property
+    def takes_torque(self) -> bool:
+        """Whether the arm takes torques; else contact is made by positions (see `robot.control`)."""
+        ...
+
+    @property
+    def latency(self) -> float:
+        """Time from a command to the reading that shows its effect, beyond a control period, s."""
+        ...
+
+    @property
+    def preview(self) -> tuple[float, ...]:
+        """Times for which `Arm.follow` wants the path ahead, s after the command; empty: it does not."""
+        ...
+
+    @property
     def period(self) -> float:
         """Length of a control period, s."""
         ...
@@ -204,6 +222,14 @@ class Hardware(Protocol):
 
     def step(self) -> None:
         """Apply the commands, let `period` pass, refresh the sensors."""
+        ...
+
+    def settings(self) -> Mapping[str, str]:
+        """Return what the hardware is, for the record."""
+        ...
+
+    def close(self) -> None:
+        """Release the hardware. A robot brakes."""
         ...
 
 

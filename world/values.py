@@ -185,6 +185,8 @@ class GripperState:
     width: float
     speed: float
     force: float
+    busy: bool = False
+    """Whether the gripper says that it still executes a command, also before its fingers move."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -466,7 +466,7 @@ def arm_stalled(case: Investigation) -> Iterator[DeviceFinding]:
         title = f"the arm did not move from {seconds(time)} on though it was commanded to: no drive followed"
         reasons = (
             f"{int(moving[tick].sum())} joints stopped together, faster than they brake",
-            "truly nothing was near the arm",
+            *(("truly nothing was near the arm",) if case.truth.times else ()),
         )
         yield DeviceFinding(
             Finding("arm.stalled", "arm", title, reasons, "", time),

@@ -150,7 +150,9 @@ class Identities:
     @cached_property
     def phantoms(self) -> Mapping[str, str]:
         """Believed items that were never a true one of their own, with the true item that reaches to them;
-        empty: nothing was there."""
+        empty: nothing was there. A log of a run on a robot has no truth, and no phantoms."""
+        if not self._truth.times:
+            return {}
         return {
             item: sightings[0].near
             for item, sightings in self.by_item.items()

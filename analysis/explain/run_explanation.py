@@ -489,6 +489,7 @@ def outcome_of(case: Investigation, visits: Sequence[node_visits.Visit]) -> Expl
         counts += f", {items.misplaced} in a wrong bin"
     if items.left:
         counts += f", {items.left} left"
+    counts += ", as the robot believes" if result.as_believed else ""
     aside = {at.record.object for at in case.events(event_types.SetAsideEvent)}
     elsewhere = {at.record.object for at in case.events(event_types.ItemDoneEvent) if not at.record.into}
     others = [f"{len(aside)} set aside"] * bool(aside) + [f"{len(elsewhere)} put down elsewhere"] * bool(

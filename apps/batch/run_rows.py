@@ -103,7 +103,8 @@ def look_at(explanation: Explanation, root: RootCause | None) -> str:
 
 
 def _items(execution: Execution, run: Run) -> Iterator[JobItemRow]:
-    truth = execution.hardware.truth()
+    assert execution.stage is not None, "a batch runs in simulation"
+    truth = execution.stage.simulation.truth()
     arrivals = _arrivals(run, {body.id for body in truth})
     scores = {item.id: item for item in score(truth, execution.recipe.scene).items}
     for body in truth:

@@ -26,7 +26,7 @@ from .attach import attach
 from .author_commands import check, explain_code, lsp, nodes, rehearse, render, schema
 from .batch_commands import batch
 from .cache import cache
-from .commission import calibrate, plan, robot
+from .commission import calibrate, cell, plan, robot
 from .convert import convert
 from .new import new
 from .options import HelpGroups, grouped_command
@@ -38,6 +38,7 @@ from .studio import studio
 COMMANDS: Mapping[str, Callable[..., None] | typer.Typer] = {
     "attach": attach,
     "calibrate": calibrate,
+    "cell": cell,
     "check": check,
     "convert": convert,
     "diff": diff,

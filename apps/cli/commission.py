@@ -16,6 +16,7 @@ from .options import (
     RunsFolder,
     Seed,
     ShippedScene,
+    TextFile,
 )
 from .output import end_with, keep_stdout, print_answer, program
 
@@ -80,6 +81,32 @@ def calibrate(
         found = calibrated(request, (view,))
     print_answer(answer, lambda: found.to_text(program()), found.to_json_text)
     end_with(found.output is not None, found.status)
+
+
+def cell(
+    scene: Annotated[str, typer.Argument(metavar="SCENE", help="Shipped scene or scene file.")],
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the items' places, as of `run`.")] = 0,
+    robot: OtherRobot = None,
+    output: TextFile = None,
+) -> None:
+    """Write a scene with its items and its robot as a cell file, one JSON object.
+
+    `python -m picktree_cell` serves it as a robot in MuJoCo, for `run --robot-at`; any other program may read
+    it. Exit code 0: written.
+    """
+    import json
+
+    from picktree.simulation import cell_file
+    from picktree.world.robot_model import load_robot
+    from picktree.world.scene import load_scene
+
+    from .output import require_place, show
+
+    require_place(output)
+    description = load_scene(scene, Path.cwd())
+    beside = Path.cwd() if robot else Path(description.source).parent
+    arm = load_robot(robot or description.robot, beside)
+    show(json.dumps(cell_file(description, arm, seed), allow_nan=False) + "\n", output)
 
 
 def plan(
@@ -226,6 +253,17 @@ def new(
 @robot.command()
 def test(
     name: Annotated[str, typer.Argument(metavar="ROBOT", help="Shipped robot or robot file.")],
+    robot_at: Annotated[
+        str,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Test the robot whose process listens there. The arm moves by millimetres.",
+            show_default="a simulation",
+        ),
+    ] = "",
+    scene: Annotated[
+        str, typer.Option(metavar="SCENE", help="Scene of the cell, with --robot-at.")
+    ] = "sort_small",
     page: RobotTestPage = None,
     json: JsonResult = False,
 ) -> None:
@@ -234,19 +272,22 @@ def test(
     The tests: masses, limits, home, fingers, tool frame; effort at rest, tracking, braking, a soft retreat,
     the gripper, the camera's view. Then a block, a can and a flat plate are grasped. A failed test names the
     change and the file. Exit code 0: all tests are passed; 1: one failed.
+
+    With --robot-at: weight of the hand, noise, axes and sign of the wrist, 5 mm along each axis, latencies,
+    gripper.
     """
     answer = keep_stdout() if json else None
-    result = _tested(name, page)
+    result = _tested(name, page, scene, robot_at)
     print_answer(answer, result.to_text, result.to_json_text)
     end_with(result.good)
 
 
-def _tested(name: str, page: Path | None) -> RobotTestResult:
+def _tested(name: str, page: Path | None, scene: str = "sort_small", robot_at: str = "") -> RobotTestResult:
     """Test a robot, and write the page if requested."""
-    from picktree.apps.commissioning import test_robot
+    from picktree.apps.commissioning import test_external_robot, test_robot
     from picktree.world.robot_model import load_robot
 
-    result = test_robot(name)
+    result = test_external_robot(name, scene, robot_at) if robot_at else test_robot(name)
     if page is not None:
         result.write_page(load_robot(name, Path.cwd()), page)
     return result

@@ -112,13 +112,21 @@ ProfileFile: TypeAlias = Annotated[
         help="Print the functions that take most wall time; FILE gets all of them, for pstats or snakeviz.",
     ),
 ]
+RobotAt: TypeAlias = Annotated[
+    str,
+    typer.Option(
+        metavar="ADDRESS",
+        help="Run on the robot whose process listens there: a Unix socket, or 127.0.0.1:PORT.",
+        show_default="a simulation",
+    ),
+]
 Answers: TypeAlias = Annotated[
     list[str] | None,
     typer.Option("--answer", metavar="TEXT", help="Answer when the mission asks for help."),
 ]
 
 HELP_GROUPS: HelpGroups = {
-    "Mission and scene": ("scene", "robot", "seed", "set_", "faults", "backend", "verify"),
+    "Mission and scene": ("scene", "robot", "seed", "set_", "faults", "backend", "robot_at", "verify"),
     "Time limit and log": ("limit", "out", "rotate_mb", "rotate_minutes"),
     "Watching and steering": ("debug", "watch", "live", "live_port", "pace", "answers", "wait"),
     "Resuming a run": ("resume", "as_it_stands"),
@@ -136,6 +144,7 @@ def run(
     faults: FaultsFile = None,
     out: RunsFolder = None,
     backend: Backend = "physics",
+    robot_at: RobotAt = "",
     verify: Verify = False,
     debug: Debug = False,
     watch: Watch = False,
@@ -180,6 +189,7 @@ def run(
             verify=verify,
             watch=watch,
             rotation=rotation,
+            robot_at=robot_at,
             **({} if seconds is None else {"limit": seconds}),
         )
         assembly = _new_run(request, answers or ())
@@ -290,7 +300,9 @@ class _Watchers:
 
 _PROFILED_FUNCTIONS = 20
 """Number of functions in each table of a profile."""
-_RECORDED_OPTIONS = ("mission", "scene", "robot", "seed", "set_", "faults", "backend", "verify", "watch")
+_RECORDED_OPTIONS = (
+    "mission", "scene", "robot", "seed", "set_", "faults", "backend", "robot_at", "verify", "watch",
+)  # fmt: skip
 """Parameters that are invalid with --resume, because the log has them."""
 
 
@@ -299,6 +311,9 @@ def refuse_contradictions(context: typer.Context) -> None:
 
     An option that the resumed run's log determines excludes --resume.
     """
+    given = context.get_parameter_source("backend")
+    if context.params["robot_at"] and given is not None and given.name == "COMMANDLINE":
+        raise PicktreeError("--robot-at and --backend exclude each other: a robot is no simulation")
     if context.params["resume"] is None:
         if context.params["as_it_stands"]:
             raise PicktreeError("--as-it-stands needs a run to resume: give --resume LOG, too")
@@ -308,7 +323,7 @@ def refuse_contradictions(context: typer.Context) -> None:
     for name in _RECORDED_OPTIONS:
         source = context.get_parameter_source(name)
         if source is not None and source.name == "COMMANDLINE":
-            shown = "MISSION" if name == "mission" else f"--{name.rstrip('_')}"
+            shown = "MISSION" if name == "mission" else f"--{name.rstrip('_').replace('_', '-')}"
             raise PicktreeError(
                 f"--resume and {shown} exclude each other: mission, scene, robot, seed, parameters, faults "
                 "and backend are those of the resumed run (`picktree whatif` changes some of them)"

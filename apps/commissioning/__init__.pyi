@@ -4,6 +4,7 @@ from .calibration import (
     calibrate as calibrate,
     parse_place as parse_place,
 )
+from .external_test import test_external_robot as test_external_robot
 from .plan_trial import (
     PlanAnswer as PlanAnswer,
     PlanQuery as PlanQuery,

@@ -10,6 +10,7 @@ import numpy as np
 from picktree.files import PicktreeError
 from picktree.world import Array, Failure, Pose, Vector3, control, safety
 
+from .admittance import REACTION_TIME, CartesianAdmittance
 from .commands import Doing
 from .compliant_motion import (
     FIRM_STIFFNESS,
@@ -25,6 +26,12 @@ from .soft_limits import distance_to_workspace_edge
 from .trajectory_motion import ZERO_TIME, TrajectoryMotion
 from .wrist_wrench import TcpWrench
 
+MAX_RIGID_TOUCH_SPEED = 0.02
+"""Greatest speed at which an arm that takes positions meets a contact, m/s.
+
+Its servo is rigid until the wrist sensor has felt the contact: 10 kg on 10⁵ N/m give 1 N for each mm/s.
+A latency adds to that.
+"""
 MAX_STANDSTILL_WAIT = 1.5
 """Longest wait for the arm to come to rest after a compliant motion, s."""
 
@@ -83,6 +90,9 @@ class ContactMotion(TrajectoryMotion):
             inside = distance_to_workspace_edge(loop.monitor.limits.workspace, loop.tcp.position, along)
             if inside <= 0.0:
                 raise self._at_the_edge(along, 0.0, distance)
+            if not loop.takes_torque:
+                late = loop.hardware.latency
+                speed = min(speed, MAX_RIGID_TOUCH_SPEED * REACTION_TIME / (REACTION_TIME + late))
             course = GuardedMove(
                 along,
                 min(distance, inside),
@@ -168,9 +178,12 @@ class ContactMotion(TrajectoryMotion):
         if zero is None:
             zero = loop.wrist.over(ZERO_TIME, q)
         feeling = TcpWrench(loop.wrist, self._model, q, zero, loop.period)
-        spring = CartesianImpedance(
+        compliance = CartesianImpedance if loop.takes_torque else CartesianAdmittance
+        spring = compliance(
             self._model, loop.period, course, stiffness, self._carrying(zero), feeling=feeling
         )
+        if isinstance(spring, CartesianAdmittance):
+            spring.latency = loop.hardware.latency
         lease.run(spring)
         until, stop = self._clock.now + limit, math.inf
         while True:

@@ -7,6 +7,7 @@ bias, `ContactGuard` guards the motion, and `ArmDrive` commands and brakes.
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -30,14 +31,15 @@ from picktree.world import (
 )
 from picktree.world.robot_model import RobotModel
 
+from .admittance import AdmittanceReflex
 from .commands import Controller, JointCommand
 from .external_torque import MIN_EXPLAINED_SHARE
 from .force_guard import ContactGuard, ForceGuard
 from .impedance import CartesianImpedance, ContactReflex
-from .joint_controllers import BrakeController, HoldController
+from .joint_controllers import BrakeController, HoldController, TrajectoryController
 from .motion_lease import Lease
 from .safety_monitor import MonitorState, SafetyMonitor
-from .wrist_wrench import MAX_QUIET_DEVIATION, WRIST_WINDOW, BiasEstimator, WristWrench
+from .wrist_wrench import MAX_QUIET_DEVIATION, MAX_SENSOR_NOISE, WRIST_WINDOW, BiasEstimator, WristWrench
 
 REST_SPEED = 0.02
 """Speed over all joints below which the arm counts as at rest, rad/s."""
@@ -98,10 +100,11 @@ may give way at any time."""
 class ArmDrive:
     """Executor of one controller at a time. At the end of each motion it holds the arm by itself."""
 
-    def __init__(self, hardware: Hardware, model: RobotModel, state: JointState) -> None:
+    def __init__(self, hardware: Hardware, model: RobotModel, state: JointState, wrist: WristWrench) -> None:
         """Hold the arm at its present configuration; `state` is the encoder reading."""
-        self._hardware, self._model = hardware, model
+        self._hardware, self._model, self._wrist = hardware, model, wrist
         self._arm, self._clock = hardware.arm, hardware.clock
+        self._preview = hardware.preview
         self.servo = True
         """Whether the last command was a set-point of the servo, not a torque."""
         self.setpoint = JointCommand(state.position.copy(), np.zeros(model.n))
@@ -132,7 +135,10 @@ class ArmDrive:
         if isinstance(command, JointCommand):
             self.setpoint = command
             self.servo = True
-            self._arm.follow(command.position, command.velocity)
+            if self._preview:
+                self._arm.follow(command.position, command.velocity, self._ahead(command))
+            else:
+                self._arm.follow(command.position, command.velocity)
         else:
             self.servo = False
             self._arm.apply_torque(command.torque)
@@ -156,8 +162,12 @@ class ArmDrive:
         fast as it can."""
         self.braking = True
         self.servo = False
-        if pushed:
+        if pushed and self._hardware.takes_torque:
             self.begin(ContactReflex(self._model, self._hardware.period, self.carried), state)
+        elif pushed:
+            period, late = self._hardware.period, self._hardware.latency
+            reflex = AdmittanceReflex(self._model, period, self._wrist, self.carried, latency=late)
+            self.begin(reflex, state)
         else:
             self.begin(self._brake_controller(), state)
 
@@ -167,6 +177,13 @@ class ArmDrive:
         self.servo = True
         self.carried = carried
         self.begin(HoldController(hold), state)
+
+    def _ahead(self, command: JointCommand) -> tuple[Array, ...]:
+        """Return the path ahead of a command at the times that the hardware wants; none: it is not known."""
+        controller, after = self.controller, self._hardware.period
+        if isinstance(controller, TrajectoryController):
+            return controller.ahead(tuple(time - after for time in self._preview))
+        return (command.position,) * len(self._preview) if self.held else ()
 
     def _brake_controller(self) -> BrakeController:
         return BrakeController(self._model, self._hardware.period)
@@ -278,7 +295,7 @@ class Supervision:
         first."""
         mass = -self._wrist.force[2] / GRAVITY
         doubtful = self._monitor.overburdened(mass) and self._hardware.feels_effort
-        if doubtful and (self._wrist.unrest(WRIST_WINDOW) > MAX_QUIET_DEVIATION or self._bias.learn(state)):
+        if doubtful and (self._wrist.vibrates(WRIST_WINDOW, MAX_QUIET_DEVIATION) or self._bias.learn(state)):
             return False
         return self._monitor.check_load(mass)
 
@@ -341,6 +358,8 @@ class ControlLoopState:
     """Whether the wrist sensor is known to be noisy: it never repeats a reading."""
     doubts_wrist: bool = False
     """Whether the joints' efforts contradict the wrist reading."""
+    least_noise: float = MAX_SENSOR_NOISE
+    """Least noise of the wrist at rest so far, N; older logs have none."""
 
 
 class ControlLoop:
@@ -367,9 +386,11 @@ class ControlLoop:
         self._bias = BiasEstimator(model, monitor, self.wrist)
         self._supervision = Supervision(hardware, model, monitor, self._sampler, self._bias)
         self._guard = ContactGuard(model, self.wrist, feels_effort=hardware.feels_effort)
-        self._drive = ArmDrive(hardware, model, self._sampler.state)
+        self._drive = ArmDrive(hardware, model, self._sampler.state, self.wrist)
         self._reference = self._drive.reference
         self._rates: list[int] = []
+        self._past: deque[tuple[float, Array | None]] = deque()
+        """Set-points of the last latency, with their times."""
         self._rest_periods = round(REST_TIME / hardware.period)
         self._holder: Lease | None = None
         self._watchdog = Watchdog()
@@ -378,6 +399,11 @@ class ControlLoop:
     def now(self) -> float:
         """Simulated time, s."""
         return self._clock.now
+
+    @property
+    def takes_torque(self) -> bool:
+        """Whether the arm takes torques; else contact is made by positions."""
+        return self.hardware.takes_torque
 
     @property
     def period(self) -> float:
@@ -480,7 +506,7 @@ class ControlLoop:
         until = self._clock.now + SETTLE_LIMIT
         while self._clock.now < until:
             rested = self._drive.held and self._sampler.rested(REST_TIME)
-            if rested and self.wrist.unrest(WRIST_WINDOW) < SETTLED_FORCE_DEVIATION:
+            if rested and not self.wrist.vibrates(WRIST_WINDOW, SETTLED_FORCE_DEVIATION):
                 return
             yield
 
@@ -513,7 +539,7 @@ class ControlLoop:
             self._bias.come_to_rest(state)
         touched = guard.exceeded(force) and guard.touched(state, sampler.acceleration, force)
         self._reference = reference = drive.setpoint.position if drive.servo else None
-        stopped = self._supervision.check(state, reference, force, period)
+        stopped = self._supervision.check(state, self._told(reference), force, period)
         if touched or (stopped and self._supervision.is_off_path()):
             guard.guard = None
             drive.stop_at_once(state, pushed=self._supervision.pushed(self.wrist.force))
@@ -523,6 +549,16 @@ class ControlLoop:
         before = perf_counter()
         self.hardware.step()
         self._stepping += perf_counter() - before
+
+    def _told(self, reference: Array | None) -> Array | None:
+        """Return the set-point (n,) that the present reading should show: the one of a latency ago."""
+        latency, now, past = self.hardware.latency, self._clock.now, self._past
+        if latency <= 0.0:
+            return reference
+        past.append((now, reference))
+        while len(past) > 1 and past[1][0] <= now - latency + 1e-9:
+            past.popleft()
+        return past[0][1]
 
     def save(self) -> ControlLoopState:
         """Return the state for a checkpoint. Raises PicktreeError unless the arm is held at rest."""
@@ -542,6 +578,7 @@ class ControlLoop:
             self.wrist.learnt,
             self.wrist.noisy,
             self._bias.doubtful,
+            self.wrist.least_noise,
         )
 
     def restore(self, saved: ControlLoopState) -> None:
@@ -553,6 +590,7 @@ class ControlLoop:
         self._reference = self._drive.reference
         self.wrist.restore(saved.readings, saved.tare, saved.stamps, saved.bias, self.tcp)
         self.wrist.noisy, self._bias.doubtful = saved.noisy, saved.doubts_wrist
+        self.wrist.least_noise = saved.least_noise
         self._supervision.restore(saved.periods)
         self._watchdog = Watchdog()
         self.monitor.restore(saved.monitor)

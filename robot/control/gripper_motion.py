@@ -145,9 +145,13 @@ class GripperControl:
 
         Raises Failure(control.gripper) when they have not moved, or press with less than the commanded force.
         """
-        for _ in range(FORCE_RISE_TICKS):
+        ticks, limit = 0, self._clock.now + MOVE_SPARE_TIME
+        while ticks < FORCE_RISE_TICKS:
             if self._unsound(begun) is None:
                 return
+            # A gripper that still executes the command has not got its force yet.
+            busy = self._gripper.read().busy and self._clock.now < limit
+            ticks = ticks if busy else ticks + 1
             yield
         unsound = self._unsound(begun)
         if unsound is not None:
@@ -248,7 +252,8 @@ class GripperControl:
             if pressed():
                 self.start(now - BACK_OFF_OPENING, force, speed)
                 return now
-            still = still + 1 if abs(now - before) < REST_OPENING_CHANGE else 0
+            stands = abs(now - before) < REST_OPENING_CHANGE and not self._gripper.read().busy
+            still = still + 1 if stands else 0
             if abs(now - width) < OPENING_TOLERANCE or now >= enough or still >= 2:
                 break
             before = now

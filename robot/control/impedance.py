@@ -99,13 +99,8 @@ class CartesianImpedance:
         tool = pin.updateFramePlacement(arm, data, model.tcp_frame)
         position, rotation = tool.translation, tool.rotation
         course.advance(self._contact_state(position, rotation))
+        self._measure_error(position, rotation)
         error, aim = self._error, self._aim
-        error[:3] = course.position - position
-        turn = course.rotation @ rotation.T
-        error[3] = 0.5 * (turn[2, 1] - turn[1, 2])
-        error[4] = 0.5 * (turn[0, 2] - turn[2, 0])
-        error[5] = 0.5 * (turn[1, 0] - turn[0, 1])
-        aim[:3], aim[3:] = course.velocity, course.spin
         self._age += self._period
         if self._age >= INERTIA_UPDATE_TIME - 1e-9:
             self._refresh(q, jacobian, rotation)
@@ -127,6 +122,16 @@ class CartesianImpedance:
         return pin.getFrameJacobian(
             self._model.arm, self._data, self._model.tcp_frame, pin.LOCAL_WORLD_ALIGNED
         )
+
+    def _measure_error(self, position: Array, rotation: Array) -> None:
+        """Set error and rate of the anchor for a tool at `position` (3,) with `rotation` (3, 3)."""
+        course, error, aim = self.course, self._error, self._aim
+        error[:3] = course.position - position
+        turn = course.rotation @ rotation.T
+        error[3] = 0.5 * (turn[2, 1] - turn[1, 2])
+        error[4] = 0.5 * (turn[0, 2] - turn[2, 0])
+        error[5] = 0.5 * (turn[1, 0] - turn[0, 1])
+        aim[:3], aim[3:] = course.velocity, course.spin
 
     def _contact_state(self, position: Array, rotation: Array) -> ContactState:
         self._elapsed += self._period
@@ -152,12 +157,16 @@ class CartesianImpedance:
         inertia = np.linalg.inv(jacobian @ by_mass + 1e-6 * np.eye(6))
         inertia = (inertia + inertia.T) / 2
         self._along: Array = inertia[:, :3]
+        self._limit_course(q, mass, jacobian)
+        self._spring, self._damping = self._stiffness.sampled(inertia, rotation, self._period)
+        self._null: Array = mass - jacobian.T @ inertia @ jacobian
+
+    def _limit_course(self, q: Array, mass: Array, jacobian: Array) -> None:
+        """Slow the anchor down for joints near their limits, and name one that blocks it."""
         speed = self._bounds.target_speed(q, mass, jacobian, self.course.direction, ANCHOR_JOINT_SPEED_SHARE)
         self.course.limit(speed.most)
         led = bool(self.course.direction.any())
         self.blocked_by = speed.blocked_by or (self._bounds.at_limit(q) if led and self._strayed() else "")
-        self._spring, self._damping = self._stiffness.sampled(inertia, rotation, self._period)
-        self._null: Array = mass - jacobian.T @ inertia @ jacobian
 
 
 STIFFNESS_PER_TORQUE = 6.0
@@ -257,7 +266,8 @@ class JointImpedanceController(TrajectoryController):
         mass = model.mass_matrix(q)
         spring = JointSpring(model, mass)
         if not self.touched and self._feels(external):
-            self._anchor: Array = self._return_configuration() + spring.yield_motion(external - self._usual)
+            back = return_configuration(self.trajectory, self.progress, self._period)
+            self._anchor: Array = back + spring.yield_motion(external - self._usual)
             self._until = self._elapsed + YIELD_TIME
         if self.touched:
             spring = JointSpring(model, mass, CONTACT_STIFFNESS_SHARE)
@@ -281,19 +291,6 @@ class JointImpedanceController(TrajectoryController):
         carried = self._carried[:3]
         before = float(np.linalg.norm(self._force - carried))
         return before > PRESSING_FORCE and float(np.linalg.norm(force - carried)) < before
-
-    def _return_configuration(self) -> Array:
-        """Return the configuration (n,) on the path to which the arm goes back, rad."""
-        here, s = self._sample_at(self.progress), self.progress
-        while s > 0.0:
-            s = max(0.0, s - 2 * self._period)
-            there = self._sample_at(s)
-            if float(np.linalg.norm(there - here)) >= BACK_OFF_DISTANCE:
-                return there
-        return self._sample_at(0.0)
-
-    def _sample_at(self, s: float) -> Array:
-        return self.trajectory.sample(s)[0]
 
     def _acceleration(self) -> Array:
         """Return the acceleration (n,) of the trajectory now, rad/s²; zero while it brakes."""
@@ -323,6 +320,18 @@ class JointImpedanceController(TrajectoryController):
         self._usual = self._usual + share * (external - self._usual)
         self._force = self._force + share * (force - self._force)
         return False
+
+
+def return_configuration(trajectory: Trajectory, progress: float, period: float) -> Array:
+    """Return the configuration (n,) on a path to which the arm goes back after a contact at `progress` s,
+    rad."""
+    here, s = trajectory.sample(progress)[0], progress
+    while s > 0.0:
+        s = max(0.0, s - 2 * period)
+        there = trajectory.sample(s)[0]
+        if float(np.linalg.norm(there - here)) >= BACK_OFF_DISTANCE:
+            return there
+    return trajectory.sample(0.0)[0]
 
 
 class GravityCompensationController:

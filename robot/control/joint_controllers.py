@@ -150,13 +150,25 @@ class TrajectoryController:
         if self._rate != 1.0:
             velocity = velocity * self._rate
         if self._offset is not None:
-            left = max(0.0, 1.0 - self.progress / min(OFFSET_FADE_TIME, end)) if end > 0.0 else 0.0
-            fade = left * left * (3.0 - 2.0 * left)
-            position = position + fade * self._offset
+            position = position + self._fade(self.progress) * self._offset
         self.done = self._rate == 0.0 or self.progress >= end
         if self.done:
             velocity = np.zeros_like(velocity)
         return JointCommand(position, velocity)
+
+    def ahead(self, times: tuple[float, ...]) -> tuple[Array, ...]:
+        """Return the configurations (n,) that follow the last command by these times, s; none while
+        braking."""
+        if self._braking:
+            return ()
+        segment = self._segment
+        found: list[Array] = []
+        for time in times:
+            s = min(self.progress + self._rate * time, self._times[-1])
+            position = self._sample(s)[0]
+            found.append(position if self._offset is None else position + self._fade(s) * self._offset)
+        self._segment = segment
+        return tuple(found)
 
     def brake(self) -> Controller:
         self._braking = True
@@ -169,6 +181,12 @@ class TrajectoryController:
     def go_on(self) -> None:
         """Cancel the braking that `hand_over` has scheduled."""
         self._unattended = None
+
+    def _fade(self, s: float) -> float:
+        """Return the share of the offset that is left at `s` s of the trajectory."""
+        end = self._times[-1]
+        left = max(0.0, 1.0 - s / min(OFFSET_FADE_TIME, end)) if end > 0.0 else 0.0
+        return left * left * (3.0 - 2.0 * left)
 
     def _sample(self, s: float) -> tuple[Array, Array]:
         times, k = self._times, self._segment

@@ -15,6 +15,7 @@ from picktree.files import PicktreeError
 from picktree.world import Clock, Failure, Journal, Trajectory, Vector3, control
 from picktree.world.robot_model import RobotModel
 
+from .admittance import AdmittanceReflex, AdmittanceTrack
 from .commands import ContactThresholds, Doing, JointImpedanceResult
 from .contact_motion import ContactMotion
 from .control_loop import ControlLoop
@@ -83,15 +84,7 @@ class ArmMotion(ContactMotion):
                 self._check(lease)
             self._check_start(trajectory)
 
-            track = JointImpedanceController(
-                trajectory,
-                self._model,
-                self._loop.period,
-                wrist=self._loop.wrist,
-                carried=np.array(carried),
-                torque=least.torque,
-                force=least.force,
-            )
+            track = self._soft_track(trajectory, least, carried)
             self._last = track
             lease.run(track)
             limit = self._clock.now + trajectory.duration + YIELD_TIME + MAX_SOFT_DELAY
@@ -110,13 +103,40 @@ class ArmMotion(ContactMotion):
             done, track.progress, track.touched, track.torque, track.force, track.push, noticed
         )
 
+    def _soft_track(
+        self, trajectory: Trajectory, least: ContactThresholds, carried: Vector3
+    ) -> JointImpedanceController | AdmittanceTrack:
+        loop = self._loop
+        if not loop.takes_torque:
+            return AdmittanceTrack(
+                trajectory,
+                self._model,
+                loop.period,
+                wrist=loop.wrist,
+                force=least.force,
+                latency=loop.hardware.latency,
+            )
+        return JointImpedanceController(
+            trajectory,
+            self._model,
+            loop.period,
+            wrist=loop.wrist,
+            carried=np.array(carried),
+            torque=least.torque,
+            force=least.force,
+        )
+
     def pressed(self, carried: Vector3 = (0.0, 0.0, 0.0)) -> float:
         """Return the external torque on the arm at rest, without the load, Euclidean norm over the joints,
         Nm.
 
-        It shows contacts at any part of the arm. `carried` (3,): weight on the tool, N in the world.
+        It shows contacts at any part of the arm; of an arm that takes positions, those at the hand. `carried`
+        (3,): weight on the tool, N in the world.
         """
         state = self._loop.state
+        if not self._loop.takes_torque:
+            push = np.array(self._loop.wrist.force) - np.array(carried)
+            return float(np.linalg.norm(self._model.jacobian(state.position)[:3].T @ push))
         hanging = self._model.jacobian(state.position)[:3].T @ np.array(carried)
         return float(np.linalg.norm(static_external_torque(self._model, state) - hanging))
 
@@ -130,7 +150,14 @@ class ArmMotion(ContactMotion):
         self._refuse_if_stopped()
         with self._loop.acquire(node) as lease:
             yield from self._until_rest(lease)
-            giving = GravityCompensationController(self._model, self._loop.period, np.array(carried))
+            loop, load = self._loop, np.array(carried)
+            giving = (
+                GravityCompensationController(self._model, loop.period, load)
+                if loop.takes_torque
+                else AdmittanceReflex(
+                    self._model, loop.period, loop.wrist, load, latency=loop.hardware.latency, ends=False
+                )
+            )
             lease.run(giving)
             until = self._clock.now + limit
             while not giving.calm and self._clock.now < until:

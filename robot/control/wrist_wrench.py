@@ -31,6 +31,10 @@ MAX_BIAS_STEP = 3.0
 """Greatest change of a learnt bias, N. Sensors drift, they do not jump."""
 MAX_QUIET_DEVIATION = 0.6
 """Standard deviation of the force up to which a bias can be learnt, N."""
+MAX_SENSOR_NOISE = 1.0
+"""Greatest noise that a sensor may have, N."""
+NOISE_MARGIN = 1.9
+"""Ratio of a deviation to the noise up to which nothing vibrates: some 20 readings estimate both."""
 BIAS_DRIFT = 0.015
 """Expected drift of the bias, N after one second; it grows with the root of the time."""
 
@@ -65,6 +69,8 @@ class WristWrench:
         self._sensor_in_tool = _sensor_in_tool(model)
         self._hand_com = np.array(model.hand_com)
         self._changed = -1.0
+        self.least_noise = MAX_SENSOR_NOISE
+        """Least noise of the force at rest so far, N."""
         self.noisy = False
         """Whether all readings differed from each other at the last `zero`."""
         self.payload: Payload | None = None
@@ -166,6 +172,22 @@ class WristWrench:
             return 0.0
         return float(np.array([w.force for w in recent]).std(axis=0).max())
 
+    def noise(self, window: float) -> float:
+        """Return the standard deviation of the sensor's noise over the last `window` s, N, of the worst axis.
+
+        Successive readings differ by the noise; a vibration of the arm hardly changes between them.
+        """
+        forces = np.array([w.force for w in self._last(window)])
+        if len(forces) < 3:
+            return 0.0
+        return float(np.sqrt(np.square(np.diff(forces, axis=0)).mean(axis=0) / 2.0).max())
+
+    def vibrates(self, window: float, limit: float) -> bool:
+        """Return whether the force deviated by more than `limit` N over the last `window` s, and by more than
+        the sensor's noise at rest explains."""
+        unrest = self.unrest(window)
+        return unrest > limit and unrest > NOISE_MARGIN * self.least_noise
+
     @property
     def repeats_since(self) -> float | None:
         """Time since which a noisy sensor repeats its reading exactly, s. None: the sensor is not noisy."""
@@ -184,6 +206,8 @@ class WristWrench:
         """
         recent = self._last(window)
         self.noisy = len(recent) > 2 and len({w.force for w in recent}) == len(recent)
+        if len(recent) > 2:
+            self.least_noise = min(self.least_noise, self.noise(window))
         known = np.zeros(6) if self._bias is None else self._bias
         tool = self._model.tcp(q)
         turn = tool.rotation()
@@ -191,7 +215,7 @@ class WristWrench:
         step = np.concatenate([turn.T @ felt[:3], turn.T @ felt[3:]])
         bias = known + step
         sudden = self._bias is not None and float(np.linalg.norm(step[:3])) > MAX_BIAS_STEP
-        if self.unrest(window) > MAX_QUIET_DEVIATION:
+        if self.vibrates(window, MAX_QUIET_DEVIATION):
             return False
         odd = sudden or float(np.linalg.norm(bias[:3])) > MAX_BIAS
         if (odd and (real is None or real(felt))) or (self.payload is not None and not sudden):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -72,6 +73,10 @@ class PlacePlan:
     room: BeliefWatch
 
 
+MAX_FALSE_ALARMS = 4
+"""Number of stops of one carrying motion after which the load on the move is not believed any more."""
+
+
 @dataclass(frozen=True, slots=True)
 class _CarryMonitor:
     """Monitor of a carrying motion, called each tick: is the object held, and is there room at the place?"""
@@ -89,7 +94,11 @@ def carry_to_place(world: World, task: PlaceTask) -> Doing[ReleaseSpot]:
     The motion that another skill handed over for this place is continued. The arm stops and replans when the
     fingers move, an obstacle blocks the path, or the spot is taken. Raises grasp.slipped, place.full,
     place.occupied, world.unknown_object, and the failures of planner and motions.
+
+    Where the load on the move has seemed gone `MAX_FALSE_ALARMS` times and the fingers still held the
+    object at rest, only the fingers are watched: the hand's mass may be wrong.
     """
+    alarms = 0
     replans = ReplanBudget(world, task.node, task.object)
     spot = yield from _finish_handover(world, task, replans)
     while spot is None:
@@ -100,10 +109,12 @@ def carry_to_place(world: World, task: PlaceTask) -> Doing[ReleaseSpot]:
 
         plan = yield from plan_after_stop(world, ask, task.node, after=replans.made)
         guard = world.handling.guard + payload_force(world)
-        watch = _CarryMonitor(GripMonitor(world), plan.room)
+        above = math.inf if alarms >= MAX_FALSE_ALARMS else -math.inf
+        watch = _CarryMonitor(GripMonitor(world, above), plan.room)
         motion = world.move.along(plan.motion.trajectory, guard=guard, watch=watch, node=task.node)
         if (yield from _arrives(motion, replans)):
             spot = replace(plan.spot, weight=watch.grip.weight)
+        alarms += 1
     return spot
 
 

@@ -155,6 +155,10 @@ class KinematicHardware:
         """Belts by name, for the feed; the robot has no access."""
         return self._belts.drives
 
+    takes_torque = True
+    latency = 0.0
+    preview = ()
+
     @property
     def feels_effort(self) -> bool:
         """Whether joint efforts are true while the arm moves: False. They are so at rest only, because the

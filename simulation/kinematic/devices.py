@@ -215,7 +215,7 @@ class KinematicArm:
         """Whether torques move the arm, instead of a servo."""
         return self._torque is not None
 
-    def follow(self, position: Array, velocity: Array) -> None:
+    def follow(self, position: Array, velocity: Array, ahead: tuple[Array, ...] = ()) -> None:
         if self._faults.stalled:
             return
         self._aim = (position.copy(), velocity.copy())

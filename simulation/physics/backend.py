@@ -148,6 +148,10 @@ class PhysicsHardware:
         run that made it."""
         return cls(scene, robot, seed, checkpoint)
 
+    takes_torque = True
+    latency = 0.0
+    preview = ()
+
     @property
     def feels_effort(self) -> bool:
         return True

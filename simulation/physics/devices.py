@@ -77,7 +77,7 @@ class PhysicsArm:
         moving += senses.noise.encoders(senses.step)
         return JointState(moving[:n], moving[n:], np.array(reading.effort[:n]))
 
-    def follow(self, position: Array, velocity: Array) -> None:
+    def follow(self, position: Array, velocity: Array, ahead: tuple[Array, ...] = ()) -> None:
         if self._faults.stalled:
             return
         self._body.follow(

@@ -42,7 +42,7 @@ class Readings:
     def read(self) -> JointState:
         return JointState(self.position, self.velocity, MODEL.gravity(self.position) + self.torque)
 
-    def follow(self, position: Array, velocity: Array) -> None:
+    def follow(self, position: Array, velocity: Array, ahead: tuple[Array, ...] = ()) -> None:
         self.told = position, velocity
 
     def apply_torque(self, torque: Array) -> None:

@@ -15,7 +15,11 @@ from .description import (
     JointLimits as JointLimits,
     tool_outline as tool_outline,
 )
-from .finger_linkage import LinkageFingers as LinkageFingers, fingers_of as fingers_of
+from .finger_linkage import (
+    LinkageFingers as LinkageFingers,
+    SliderPair as SliderPair,
+    fingers_of as fingers_of,
+)
 from .joint_limits import (
     DEGREES_HINT as DEGREES_HINT,
     JointExcess as JointExcess,

@@ -1,0 +1,102 @@
+"""A mission on a robot in another process: MuJoCo in lockstep, with its own score."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from picktree.analysis import Run
+from picktree.analysis.explain import explain, to_text
+from picktree.apps.commissioning import RobotTestResult, test_external_robot
+from picktree.drivers import ExternalHardware
+from picktree.files import PicktreeError
+from picktree.logs import RunLog
+from picktree.session import RunRequest, Session
+from picktree.world.robot_model import load_robot
+from picktree.world.scene import load_scene
+
+from .served_cell import served, write_cell
+
+pytest.importorskip("mujoco")
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+def test_a_mission_sorts_all_items_in_another_engine(tmp_path: Path) -> None:
+    with served(write_cell(tmp_path)) as cell:
+        request = RunRequest(
+            EXAMPLES / "sort_by_colour.yaml",
+            scene="sort_small",
+            out=tmp_path / "runs",
+            robot_at=cell.address,
+            limit=60.0,
+        )
+        result = Session(request).run()
+    assert (cell.score["sorted"], cell.score["total"], cell.score["stop"]) == (4, 4, "NONE")
+    assert cell.score["greatest_force"] < 60.0
+    # picktree never sees that score: it counts what it believes, and says so.
+    assert (result.status, result.items.sorted, result.items.total, result.as_believed) == (
+        "success",
+        4,
+        4,
+        True,
+    )
+    assert "items       4 of 4 sorted, 0 misplaced, 0 left, as the robot believes" in result.to_text()
+    assert json.loads((result.folder / "result.json").read_text())["as_believed"] is True
+    # Nothing is told about a truth that the log does not have.
+    with Run(result.log) as run:
+        told = to_text(run, explain(run), str(result.log))
+    assert "4 of 4 items are where they belong, as the robot believes" in " ".join(told.split())
+    assert "truly" not in told
+    with RunLog(result.log) as log:
+        assert log.run.backend == "robot" and log.run.physics["engine"].startswith("MuJoCo")
+        assert list(log.truths()) == []
+
+
+def test_a_robot_that_is_not_the_scenes_is_refused(tmp_path: Path) -> None:
+    scene = load_scene("sort_small", tmp_path)
+    with served(write_cell(tmp_path)) as cell:
+        with pytest.raises(PicktreeError) as raised:
+            ExternalHardware(scene, load_robot("xarm6", tmp_path), cell.address)
+        said = str(raised.value)
+        assert said.startswith(f"the robot at {cell.address} has the joints panda_joint1, panda_joint2")
+        assert said.endswith("but xarm6 has joint1, joint2, joint3, joint4, joint5, joint6")
+
+
+def test_where_nobody_listens_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("picktree.drivers.external_hardware.CONNECT_TIME", 0.0)
+    scene, robot = load_scene("sort_small", tmp_path), load_robot("panda", tmp_path)
+    with pytest.raises(PicktreeError) as raised:
+        ExternalHardware(scene, robot, str(tmp_path / "no.sock"))
+    assert str(raised.value) == (
+        f"no robot at {tmp_path}/no.sock: No such file or directory; start its process first"
+    )
+    with pytest.raises(PicktreeError) as raised:
+        ExternalHardware(scene, robot, "robot")
+    assert str(raised.value) == (
+        "--robot-at: 'robot' is no address: write a path, as /tmp/robot.sock, or 127.0.0.1:5577"
+    )
+
+
+def test_the_robot_is_tested_before_the_first_mission(tmp_path: Path) -> None:
+    """A sound cell passes; a hand of another mass, and late fingers, are named with the measured value."""
+    cell = write_cell(tmp_path)
+    with served(cell) as one:
+        sound = external_robot_verdicts(one.address)
+    assert sound.good, sound.to_text()
+    with served(cell, hand_mass_error=0.3, gripper_latency=0.4) as other:
+        verdicts = external_robot_verdicts(other.address)
+    failed = {verdict.name: verdict for verdict in verdicts.verdicts if not verdict.good}
+    assert set(failed) == {"weight of the hand", "gripper"}
+    weight = failed["weight of the hand"]
+    kilograms = float(weight.measured.removesuffix(" kg, by the model 1.010 kg"))
+    assert kilograms == pytest.approx(1.25, abs=0.01)  # the plant's own
+    assert weight.change.startswith(f"enter {kilograms:.3f} kg for the hand in the robot file")
+
+
+def external_robot_verdicts(address: str) -> RobotTestResult:
+    return test_external_robot("panda", "sort_small", address)
+
+
+test_external_robot.__test__ = False  # type: ignore[attr-defined]
