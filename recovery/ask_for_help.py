@@ -189,10 +189,10 @@ _GIVEN_UP_ENTRY = "given up"
 
 
 class SetAside(Node):
-    """Give an item up where it lies: it is among the items to be done no longer, until it is put elsewhere.
+    """Give up an item where it lies: it is no longer among the items to be done, until it is put elsewhere.
 
-    With `after: 2` the first time only counts, for the item may be had when others are out of its way.
-    Nothing moves: the belief alone changes. An item that is gone needs no giving up: SUCCESS.
+    With `after: 2` the first call is only counted: the item may be within reach when others are out of its
+    way. Nothing moves: the belief alone changes. SUCCESS when the item is gone.
     """
 
     flow = control_flow.LeafFlow(instant=True, gives_up=True)

@@ -41,8 +41,8 @@ class TableSpot:
 class FreeSpot(Skill):
     """Find a place on a table where the held object can be put down, with room for the hand around it.
 
-    The nearest one to where the hand is, within reach, away from edges, bins and everything believed; after
-    it was offered once, another one. `Place` with `at` puts the object there.
+    It is the free place nearest to the hand, within reach, and away from edges, bins and believed objects.
+    The next start gives another place. `Place` with `at` puts the object there.
     """
 
     example = """

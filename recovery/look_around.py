@@ -22,9 +22,10 @@ view. Missing ones are skipped."""
 class LookAround(Skill):
     """Look again in another way: through each camera of the scene, from each pose that robots look from.
 
-    First through those that hang still, from where the arm is; then from each pose, through all. With
-    `expect` it ends as soon as that object was seen; without it, when every camera has looked once. A camera
-    that gives no picture, or a pose that cannot be reached, is passed over while another is left.
+    Fixed cameras look first, from the arm's present pose. Then the arm goes to each pose, and the cameras
+    look there. With `expect` the node ends as soon as a camera has seen that object; without it, when every
+    camera has looked once. A camera without a picture or a pose out of reach is skipped while another is
+    left.
     """
 
     example = """

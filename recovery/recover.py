@@ -38,7 +38,7 @@ class Budget(Decorator):
     Each handler that a `Recover` or `RecoveryNode` below starts counts. The time from a first
     failure until it is cured or given up counts, too. A handler that runs when the
     time is used up may end; no further handler starts. The nodes below then give up, with their `give_up`.
-    The budget fails with tree.budget, with the failure that was not handled attached. Without recovery the
+    The budget fails with tree.budget and attaches the failure that was not handled. Without recovery the
     child may run without limit.
 
     With `of` each object has an account, which is kept until the child succeeds with that object. Without
@@ -411,10 +411,10 @@ class RecoveryControl(ControlNode, abstract=True):
 class RecoveryNode(RecoveryControl):
     """Runs its first child; when it fails, runs the second, then the first again, as in Nav2.
 
-    The first child runs once more than `number_of_retries`. When the second child fails or is skipped, the
-    node fails with the first one's cause, the second one's attached. When all retries are used up, it fails
-    with the last cause, the earlier ones attached. SKIPPED when the first child is. The tick ends between the
-    two. `Recover` chooses the handler by the cause.
+    The first child runs at most `number_of_retries` + 1 times. When the second child fails or is skipped, the
+    node fails with the first child's cause and attaches the second child's. When all retries are used up, it
+    fails with the last cause and attaches the earlier ones. SKIPPED when the first child is. The tick ends
+    between the two children. `Recover` chooses the handler by the cause.
     """
 
     flow = control_flow.Recovery(
@@ -459,10 +459,10 @@ class RecoveryNode(RecoveryControl):
 
 
 class ForAttempt(Node):
-    """Take the value that a list has for this attempt: the first for the first; after the last, the last.
+    """Take the value of a list for this attempt; attempts beyond the end of the list take the last value.
 
-    So an attempt is made with more force, more slowly, through another camera than the one before. Numbers
-    are in SI units, without unit.
+    So an attempt can use more force, less speed or another camera than the attempt before. Numbers are in SI
+    units, without unit.
     """
 
     flow = control_flow.LeafFlow(steady=True)
@@ -499,12 +499,12 @@ class Recover(RecoveryControl):
     """Runs `do`; when it fails, runs the handler of the cause, then `do` again, at most `attempts` times.
 
     The first pattern of `when` that matches the cause is used, in the order of the file, else `otherwise`. A
-    cause without a handler fails at once. A failing handler ends the node with the original cause; the
+    cause without a handler fails immediately. A failing handler ends the node with the original cause; the
     handler's cause is attached. When all attempts are used up, `give_up` is run: it leaves the arm in a state
-    from which other nodes can continue. The node then fails with the last cause, the earlier ones attached.
-    Attempts also end early in two cases. The first: the last two failures, or the first one of this run,
-    report an unchanged situation (evidence `unchanged`). The second: an object is still unknown after its
-    handler. A fault of the program is handled only where a pattern names it: `internal.error`.
+    from which other nodes can continue. The node then fails with the last cause and attaches the earlier
+    ones. Attempts also end early in two cases. The first: the last two failures, or the first one of this
+    run, report an unchanged situation (evidence `unchanged`). The second: an object is still unknown after
+    its handler. A fault of the program is handled only where a pattern names it: `internal.error`.
 
     A handler of `instead` replaces `do`. It takes precedence over those of `when`, also after the last
     attempt, and the node succeeds with it. So a defective item is done when it is in quarantine. The outputs

@@ -118,8 +118,8 @@ def _last_state(run: RunRecord) -> _LastState:
             raise PicktreeError(f"{run.path}: {topic}: unreadable state: {error}") from None
         return _LastState(messages[-1].time / 1e9, state, faults, bias)
     raise PicktreeError(
-        f"{run.path}: the log lacks the state of the simulation, as logs of older versions do; "
-        "without --as-it-stands the run resumes from its last checkpoint"
+        f"{run.path}: the log has no state of the simulation (an older version wrote it): leave out "
+        "--as-it-stands to resume from the last checkpoint"
     )
 
 

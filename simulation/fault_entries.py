@@ -80,9 +80,9 @@ class WhenFile(file_models.FileModel):
     node: NodePattern | None = None
     """Starting node: its name, or a path such as SortOne/Grasp; '*' and '?' match other letters."""
     start: Count | None = None
-    """Number of the start of the node, from 1; the first unless given. Only with `node`."""
+    """Number of the start of the node, from 1. Default: the first. Only with `node`."""
     delay: file_models.Duration | None = None
-    """Delay after the node's start; none unless given. Only with `node`."""
+    """Delay after the node's start. Default: none. Only with `node`."""
     each: file_models.Flag | None = None
     """true: at this start of the node and at each later one. Only with `node`."""
 
@@ -142,7 +142,7 @@ class Lasting(Fault):
     """Fault that begins and ends, unless it is for good."""
 
     lasts: LastingTime | None = field(default=None, kw_only=True)
-    """Duration of the fault; permanent unless given."""
+    """Duration of the fault. Default: permanent."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,7 +158,7 @@ class CameraFault(Lasting):
     """Fault of cameras."""
 
     camera: str | None = field(default=None, kw_only=True)
-    """The camera; all of them unless given."""
+    """The camera. Default: all cameras."""
 
 
 @fault("remove")
@@ -175,13 +175,13 @@ class Friction(ItemFault):
     friction: FrictionCoefficient
     """New coefficient of friction of the item."""
     mass: file_models.Mass | None = None
-    """New mass of the item; unchanged unless given."""
+    """New mass of the item. Default: unchanged."""
 
 
 @fault("bump")
 @dataclass(frozen=True, slots=True)
 class Bump(ItemFault):
-    """The item gets a velocity and an angular velocity at once."""
+    """The item suddenly gets a velocity and an angular velocity."""
 
     velocity: tuple[Speed, Speed, Speed]
     """New velocity of the item along x, y, z of the world."""
@@ -199,7 +199,7 @@ class Obstacle(Fault):
     name: file_models.Name = "obstacle"
     """Name of the obstacle in the record."""
     stays: file_models.Duration | None = None
-    """Time after which the obstacle is removed; it stays unless given."""
+    """Time after which the obstacle is removed. Default: it stays."""
 
     @property
     def fixture(self) -> Fixture:

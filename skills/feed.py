@@ -99,8 +99,8 @@ class ExchangeBin(Skill):
     scene fills comes back full, as long as items are left.
 
     With `fill` it requests an exchange only for a bin whose heap, as seen, is at least that high; for any
-    other bin it succeeds at once. The content of the bin is removed from the belief. The arm must be clear of
-    the bin, and so must a held item: bins are not exchanged below the arm.
+    other bin it succeeds immediately. The content of the bin is removed from the belief. The arm must be
+    clear of the bin, and so must a held item: bins are not exchanged below the arm.
     """
 
     flow = control_flow.LeafFlow(empties=("bin", "fill"))

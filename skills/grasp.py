@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 class Grasp(Skill):
     """Grasp an object between the fingers from above and lift it clear.
 
-    Candidates are grasps with the places that they lead to, ranked. A candidate counts only if the hand fits
-    between the neighbours and the arm reaches it. From there the arm must also be able to put the object
-    where it belongs. Where the hand does not fit upright, as beside a wall, it leans. The fingers close until
-    contact, and the hand gives way to the one that touches first. Finger opening and load on the wrist show
-    whether the object is held; an object that slips is gripped more firmly. An object that was missed or lost
-    is grasped once more, if it is seen from there or was lost where it was gripped.
+    Each candidate has a grasp and the place where the grasp leads; candidates are ranked. A candidate counts
+    only if the hand fits between the neighbours and the arm reaches it. From there the arm must also be able
+    to put the object where it belongs. Where the hand does not fit upright, as beside a wall, it leans. The
+    fingers close until contact, and the hand gives way to the finger that touches first. Finger opening and
+    load on the wrist show whether the object is held; an object that slips is gripped more firmly. An object
+    that was missed or lost is grasped once more, if it is seen from there or was lost where it was gripped.
     """
 
     example = """
@@ -40,8 +40,8 @@ class Grasp(Skill):
         "share of the joints' speed limits: 1 for the full limits", default=1.0, above=0, most=1
     )
     onward: In[bool] = port(
-        "whether lift and transfer to the destination are one motion, for a `Place` that follows at "
-        "once; the arm stops by itself when no `Place` follows",
+        "whether lift and transfer to the destination are one motion, for a `Place` as the next "
+        "skill; the arm stops by itself when no `Place` follows",
         default=True,
     )
     servo: In[bool] = port(

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class OpenGripper(Skill):
-    """Open the fingers; a held object is removed from the hand in the belief."""
+    """Open the fingers; the belief then has no object in the hand."""
 
     example = """
     OpenGripper: {width: 60 mm}

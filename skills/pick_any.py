@@ -16,10 +16,10 @@ class PickAny(Skill):
     """Pick some thing out of a tote or a pile, without knowing its shape, size or weight.
 
     The camera maps the heights of the heap. The hand's shape is swept over the map: vertical grasps come
-    first, then tilted ones, then looser demands. The weight at the wrist after the lift shows whether
-    something is held. The thing then becomes an object of the belief with hull, colour and weight, for
-    `Place`. A thing that the hand holds already is kept. A place where a grasp has failed is left out until
-    the depth there changes.
+    first, then tilted ones, then grasps that meet looser demands. The weight at the wrist after the lift
+    shows whether something is held. The thing then becomes an object of the belief with hull, colour and
+    weight, for `Place`. A thing that the hand holds already is kept. A place where a grasp has failed is left
+    out until the depth there changes.
     """
 
     example = """

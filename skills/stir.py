@@ -13,11 +13,12 @@ if TYPE_CHECKING:
 
 
 class Stir(Skill):
-    """Push through the heap in a tote with closed or open fingers, for when nothing in it can be grasped.
+    """Push through the heap in a tote with closed or open fingers, when nothing in it can be grasped.
 
     The strokes are planned from the height map. Things against a wall are pushed away from it; otherwise a
-    stroke goes through the highest part. After each the arm moves out of the view and looks. A stroke that
-    changed nothing is not repeated. Grasps that failed where the depth has changed may be tried again.
+    stroke goes through the highest part. After each stroke the arm moves out of the view, and the camera
+    looks. A stroke that changed nothing is not repeated. Grasps that failed where the depth has changed may
+    be tried again.
     """
 
     example = """

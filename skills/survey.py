@@ -27,9 +27,9 @@ IMAGES_PER_PLACE = 2
 class Survey(Skill):
     """Look at a calibration target, and record exactly where its squares are in the pictures.
 
-    A camera on the hand is taken to places all around it, which differ as much in their turn as the arm
-    allows. Places out of reach are passed over. A fixed camera takes many pictures while the arm is out of
-    its view, and their mean is used. Nothing is corrected yet: `picktree calibrate` does that.
+    A camera on the hand takes pictures from all around the target, with rotations that differ as much as the
+    arm allows. Viewpoints out of reach are skipped. A fixed camera takes many pictures while the arm is out
+    of its view, and their mean is used. Nothing is corrected yet: `picktree calibrate` does that.
     """
 
     example = """

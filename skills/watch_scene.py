@@ -27,8 +27,8 @@ class WatchScene(Decorator):
 
     Each picture updates the belief when the camera's time of thinking is over; the child does not wait for
     it. Objects hidden by the arm or by the held object stay believed. So a motion detects a new obstacle in
-    its path, and `Grasp` a moved object. No picture is taken during a grasp or a release, for 0.25 s after a
-    grasp, and for 0.5 s after a release.
+    its path, and `Grasp` detects that its object was moved. No picture is taken during a grasp or a release,
+    for 0.25 s after a grasp, and for 0.5 s after a release.
     """
 
     flow = control_flow.ChildFlow(

@@ -90,7 +90,7 @@ class ChildFlow:
     own_unless: str = ""
     """Input that prevents the ends in `own` when it is 0; empty: none."""
     pauses: bool = False
-    """Whether the tick ends behind a child that has ended at once and leads to the next."""
+    """Whether the tick ends after a child that ended in its first tick and leads to the next child."""
 
     @property
     def by_turns(self) -> bool:

@@ -112,7 +112,7 @@ class SequenceWithMemory(OrderedNode):
     """A Sequence that resumes at the child that failed or was halted, also after a new start.
 
     Children before that one are not ticked again until all have succeeded. SKIPPED when all were skipped in
-    one go.
+    one activation.
     """
 
     flow = Resumed(success=NEXT, skipped=NEXT)
@@ -141,7 +141,7 @@ class PipelineSequence(OrderedNode):
     """Ticks its children again at each tick, from the first to the furthest that has run, as in Nav2.
 
     A child that runs again does not delay later children that have begun. It ends when a child fails, or when
-    the last has succeeded; children that still run are then halted. SKIPPED when all were skipped.
+    the last child has succeeded; children that still run are then halted. SKIPPED when all were skipped.
     """
 
     flow = Pipeline(success=NEXT, skipped=NEXT, reactive=True)
@@ -171,7 +171,8 @@ class PipelineSequence(OrderedNode):
 class ReactiveSequence(ReactiveNode):
     """Ticks every child again at each tick, from the first: conditions first, then the guarded child.
 
-    When an earlier child runs or fails, a later one that was RUNNING is halted, after the earlier was ticked.
+    When an earlier child runs or fails, a later child that was RUNNING is halted. The earlier child is ticked
+    before this halt.
     """
 
     flow = ChildFlow(success=NEXT, skipped=NEXT, reactive=True)
@@ -187,8 +188,9 @@ class ReactiveSequence(ReactiveNode):
 class Fallback(OrderedNode):
     """Ticks its children in order until one succeeds; resumes at the child that was RUNNING.
 
-    When none succeeds it fails with the last child's failure, the others' attached. A child without a report
-    (a false condition) does not hide the report of another. SKIPPED when all were skipped.
+    When none succeeds, it fails with the last child's failure and attaches the failures of the others. A
+    child without a report (a false condition) does not hide the report of another. SKIPPED when all were
+    skipped.
     """
 
     flow = ChildFlow(failure=NEXT, skipped=NEXT)
@@ -204,8 +206,8 @@ class Fallback(OrderedNode):
 class ReactiveFallback(ReactiveNode):
     """Ticks every child again at each tick, from the first.
 
-    When an earlier child runs or succeeds, a later one that was RUNNING is halted, after the earlier was
-    ticked. Both hold the arm for a moment, and the one that acquired it last keeps it.
+    When an earlier child runs or succeeds, a later child that was RUNNING is halted. The earlier child is
+    ticked before this halt. So both hold the arm for a moment; the child that acquired it last keeps it.
     """
 
     flow = ChildFlow(failure=NEXT, skipped=NEXT, reactive=True)
@@ -221,10 +223,10 @@ class ReactiveFallback(ReactiveNode):
 class RoundRobin(ControlNode):
     """Ticks its children in turn, and starts each time after the child that succeeded last, as in Nav2.
 
-    A child that fails or is skipped passes the turn on, in the same tick. It fails when all have failed, and,
-    without `wrap_around`, when the last child has had its turn without success. The turn is kept after a
-    success; a failure or a halt gives it back to the first child. As handler of a `Recover` it tries another
-    cure at each failure.
+    After a child that fails or is skipped, the next child runs in the same tick. The node fails when all have
+    failed. Without `wrap_around` it also fails when the last child has failed, and once after the last child
+    has succeeded. After a failure or a halt of the node the first child is next. As handler of a `Recover`
+    the node tries another cure at each failure.
     """
 
     flow = Turns(failure=NEXT, skipped=NEXT, wraps="wrap_around")
@@ -286,7 +288,7 @@ class RoundRobin(ControlNode):
 
 
 class _AsyncNode(OrderedNode, abstract=True):
-    """Node whose tick ends behind each child that has ended at once, so that it can be halted there."""
+    """Node whose tick ends after a child that ended in its first tick, so that it can be halted there."""
 
     def on_tick(self) -> NodeStatus:
         flow = cast("ChildFlow", self.flow)
@@ -304,7 +306,7 @@ class _AsyncNode(OrderedNode, abstract=True):
 
 
 class AsyncSequence(_AsyncNode):
-    """A Sequence that can be halted between two children: the tick ends behind each that succeeds at once."""
+    """A Sequence that ends the tick after a child that succeeds in its first tick; it can be halted there."""
 
     flow = ChildFlow(success=NEXT, skipped=NEXT, pauses=True)
     example = """
@@ -317,7 +319,7 @@ class AsyncSequence(_AsyncNode):
 
 
 class AsyncFallback(_AsyncNode):
-    """A Fallback that can be halted between two children: the tick ends behind each that fails at once."""
+    """A Fallback that ends the tick after a child that fails in its first tick; it can be halted there."""
 
     flow = ChildFlow(failure=NEXT, skipped=NEXT, pauses=True)
     example = """
@@ -330,7 +332,7 @@ class AsyncFallback(_AsyncNode):
 
 
 class TryCatch(ControlNode):
-    """A Sequence of all children but the last, which runs when one of them fails: the node then fails, too.
+    """A Sequence of all children but the last; when one fails, the last child runs, and the node then fails.
 
     It fails with the failure of the child that failed, however the last child ends. With `catch_on_halt` a
     halt also ticks the last child, once; that child must end in one tick and move nothing.
@@ -461,8 +463,8 @@ class ParallelNode(ControlNode, abstract=True):
 class Parallel(ParallelNode):
     """Ticks all children that have not ended, in order, in each tick.
 
-    A number below zero counts from the end: -1 is all children, -2 all but one. It fails with the first
-    failure, the others' attached. Children that still run at its end are halted. SKIPPED when all were
+    A number below zero counts from the end: -1 is all children, -2 all but one. The node fails with the first
+    failure and attaches the others. Children that still run at its end are halted. SKIPPED when all were
     skipped.
     """
 
@@ -498,8 +500,8 @@ class Parallel(ParallelNode):
 class ParallelAll(ParallelNode):
     """Ticks all children in each tick until every one has ended, independent of the results of others.
 
-    It then fails when `max_failures` children or more have failed: with the first failure, the others'
-    attached. A skipped child needs no end; SKIPPED when all were skipped.
+    It then fails when `max_failures` children or more have failed. It fails with the first failure and
+    attaches the others. A skipped child needs no end. SKIPPED when all were skipped.
     """
 
     flow = AtOnce(tolerated="max_failures", waits=True)

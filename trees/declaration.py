@@ -39,7 +39,7 @@ COMMON_KEYS = ("name", *PRECONDITIONS, *POSTCONDITIONS, BREAKPOINT)
 
 
 class Resource(StrEnum):
-    """Hardware that two skills cannot use at once."""
+    """Hardware that two skills cannot use at the same time."""
 
     ARM = "arm"
     GRIPPER = "gripper"

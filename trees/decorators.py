@@ -54,7 +54,10 @@ class StatusDecorator(Decorator, abstract=True):
 
 
 class Inverter(StatusDecorator):
-    """SUCCESS becomes FAILURE without a report, and FAILURE becomes SUCCESS, unless it is a safety stop."""
+    """SUCCESS becomes FAILURE without a report, and FAILURE becomes SUCCESS.
+
+    A safety stop (safety.*) and a fault of the program stay failures.
+    """
 
     flow = ChildFlow(success=FAILURE, failure=SUCCESS)
     example = """
@@ -86,7 +89,7 @@ class ForceFailure(StatusDecorator):
 
 
 class Timeout(Decorator):
-    """Halts its child and fails with tree.timeout when it still runs after that time. 0 is without limit."""
+    """Halts its child and fails with tree.timeout when the child still runs after `msec`. 0: no limit."""
 
     flow = ChildFlow(own={RUNNING: FAILURE}, own_unless="msec")
     example = """
@@ -117,7 +120,7 @@ class Timeout(Decorator):
 
 
 class Delay(Decorator):
-    """Waits that time, RUNNING, and then ticks its child."""
+    """Is RUNNING for `delay_msec`, and then ticks its child."""
 
     flow = ChildFlow(own={IDLE: RUNNING}, own_unless="delay_msec")
     example = """
@@ -141,11 +144,11 @@ class Delay(Decorator):
 
 
 class RateController(Decorator):
-    """Begins a round of its child at most `hz` times a second, as Nav2's; RUNNING in between.
+    """Starts its child at most `hz` times a second, as in Nav2; between two runs it is RUNNING.
 
-    The first round begins at once, the next when that time has passed since the last success. A child that
-    runs is ticked at each tick. It is made for the children of a PipelineSequence: a parent that resets it
-    after its end begins the next round at once.
+    The first run starts immediately, the next when 1/`hz` seconds have passed since the last success. A child
+    that runs is ticked at each tick. The node is made for the children of a PipelineSequence. With a parent
+    that resets it after its end, the next run starts immediately.
     """
 
     flow = ChildFlow(own={IDLE: RUNNING})
@@ -157,7 +160,7 @@ class RateController(Decorator):
       - GoTo: {pose: home}
     """
 
-    hz: In[float] = port("ticks of the child per second", default=10.0, above=0)
+    hz: In[float] = port("maximum number of starts of the child per second", default=10.0, above=0)
     remembers = ("_since", "_begins")
     _since: float = 0.0
     _begins: bool = True
@@ -180,7 +183,7 @@ class RateController(Decorator):
 
 
 class RunOnce(Decorator):
-    """Runs its child until it has ended once; after that it is SKIPPED, or answers as the child did then."""
+    """Runs its child until the child has ended once; after that it is SKIPPED or repeats the result."""
 
     flow = Once(skips="then_skip")
     example = """
@@ -210,7 +213,7 @@ class RunOnce(Decorator):
 class Repeat(Decorator):
     """Runs its child `num_cycles` times, or for as long as `while` holds; it fails when the child fails.
 
-    `while` is evaluated before each cycle. The tick ends between two cycles. A skipped child skips the loop.
+    `while` is evaluated before each cycle. The tick ends between two cycles. SKIPPED when the child is.
     """
 
     flow = Loop(success=AGAIN, runs="num_cycles", guard="while")
@@ -253,7 +256,10 @@ class Repeat(Decorator):
 
 
 class KeepRunningUntilFailure(Decorator):
-    """Runs its child again and again, one tick apart, until it fails; then it fails with its failure."""
+    """Runs its child once a cycle until the child fails, and then fails with its failure.
+
+    The tick ends between two cycles.
+    """
 
     flow = Loop(success=AGAIN, skipped=AGAIN)
     example = """
@@ -267,10 +273,11 @@ class KeepRunningUntilFailure(Decorator):
 
 
 class RetryUntilSuccessful(Decorator):
-    """Runs its child until it succeeds, at most `num_attempts` times, one tick apart.
+    """Runs its child until the child succeeds, at most `num_attempts` times.
 
-    When all attempts are used up it fails with the last failure, the earlier ones attached; with
-    tree.attempts when the child gave no reason. A fault of the program is not tried again.
+    The tick ends between two attempts. When all attempts are used up, it fails with the last failure and
+    attaches the earlier ones. When the child gave no reason, it fails with tree.attempts. A fault of the
+    program is not tried again.
     """
 
     flow = Loop(failure=AGAIN, runs="num_attempts")

@@ -34,7 +34,7 @@ class ConditionNode(Node, abstract=True):
 
 
 class AlwaysSuccess(Node):
-    """SUCCESS at once."""
+    """SUCCESS in its first tick."""
 
     flow = LeafFlow(steady=True, ends=(SUCCESS,))
     example = """
@@ -50,7 +50,7 @@ class AlwaysSuccess(Node):
 
 
 class AlwaysFailure(Node):
-    """FAILURE at once, without a report, as a false condition."""
+    """FAILURE in its first tick, without a report, as a false condition."""
 
     flow = LeafFlow(steady=True, ends=(FAILURE,))
     example = """
@@ -99,7 +99,7 @@ class SetBlackboard(Node):
 
 
 class Script(Node):
-    """Assigns to keys of the blackboard: `key := expression`, several with `;`.
+    """Assigns to keys of the blackboard: `key := expression`, separated by `;`.
 
     `:=` creates a missing key; `=`, `+=`, `-=`, `*=` and `/=` change an existing one.
     """
@@ -141,7 +141,7 @@ class Log(Node):
 
 
 class Sleep(Node):
-    """Waits that long, RUNNING, and then succeeds. 0 succeeds at once."""
+    """Is RUNNING for `msec`, and then succeeds. With 0 it succeeds in its first tick."""
 
     flow = LeafFlow(ends=(SUCCESS,))
     example = """

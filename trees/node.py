@@ -189,7 +189,7 @@ class Node(DescribedNode):
     """
 
     node_id: ClassVar[str] = ""
-    """The ID in mission files; the class's name unless given."""
+    """The ID in mission files. Default: the class's name."""
     kind: ClassVar[Kind] = "control"
     causes: ClassVar[tuple[Cause | Family, ...]] = ()
     """Causes with which the node itself may fail; those of its children are added."""

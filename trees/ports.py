@@ -209,7 +209,7 @@ class In(Generic[T]):
 
 
 class Out(Generic[T]):
-    """Descriptor of an output: an assignment checks the type and writes the blackboard at once."""
+    """Descriptor of an output: an assignment checks the type and writes the blackboard immediately."""
 
     def __init__(self, declaration: PortDeclaration) -> None:
         self.declaration = declaration

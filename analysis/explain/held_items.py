@@ -351,7 +351,7 @@ def _weak_grip(case: Investigation, period: HeldPeriod) -> Finding | None:
         node = next(
             (v.path for v in reversed(case.family.visits) if v.id == "Grasp" and v.start <= period.start), ""
         )
-        title = f"{item} was gripped with too little force: {force(grip.force)} a finger"
+        title = f"{item} was gripped with too little force: {force(grip.force)} per finger"
         reasons = (
             f"two fingers at {force(grip.force)} and a friction of {entry.friction:g} hold {force(holds)}, "
             f"and a {entry.kind} weighs {force(weight)}",

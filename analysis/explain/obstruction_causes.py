@@ -180,7 +180,7 @@ def explain_unreachable_bin(
     inside = [b.id for b in case.believed_at(failure.time) if b.place == target.id]
     if inside:
         title = f"{target.id} is too crowded for {failure.item}: the hand finds no place over it to let go"
-        reasons = (*reasons, f"in it lie {listed(inside, 5)}")
+        reasons = (*reasons, f"{target.id} contains {listed(inside, 5)}")
         return Finding("bin.crowded", str(target.id), title, reasons, failure.item, failure.time)
     title = f"{failure.item} cannot be let go over {target.id} without touching something"
     return Finding("bin.hemmed_in", str(target.id), title, reasons, failure.item, failure.time)

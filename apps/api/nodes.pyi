@@ -37,7 +37,7 @@ class SequenceWithMemory(Node):
     """A Sequence that resumes at the child that failed or was halted, also after a new start.
 
     Children before that one are not ticked again until all have succeeded. SKIPPED when all were skipped in
-    one go."""
+    one activation."""
 
     def __init__(
         self,
@@ -49,8 +49,9 @@ class SequenceWithMemory(Node):
 class Fallback(Node):
     """Ticks its children in order until one succeeds; resumes at the child that was RUNNING.
 
-    When none succeeds it fails with the last child's failure, the others' attached. A child without a report
-    (a false condition) does not hide the report of another. SKIPPED when all were skipped."""
+    When none succeeds, it fails with the last child's failure and attaches the failures of the others. A
+    child without a report (a false condition) does not hide the report of another. SKIPPED when all were
+    skipped."""
 
     def __init__(
         self,
@@ -62,7 +63,8 @@ class Fallback(Node):
 class ReactiveSequence(Node):
     """Ticks every child again at each tick, from the first: conditions first, then the guarded child.
 
-    When an earlier child runs or fails, a later one that was RUNNING is halted, after the earlier was ticked."""
+    When an earlier child runs or fails, a later child that was RUNNING is halted. The earlier child is ticked
+    before this halt."""
 
     def __init__(
         self,
@@ -74,8 +76,8 @@ class ReactiveSequence(Node):
 class ReactiveFallback(Node):
     """Ticks every child again at each tick, from the first.
 
-    When an earlier child runs or succeeds, a later one that was RUNNING is halted, after the earlier was
-    ticked. Both hold the arm for a moment, and the one that acquired it last keeps it."""
+    When an earlier child runs or succeeds, a later child that was RUNNING is halted. The earlier child is
+    ticked before this halt. So both hold the arm for a moment; the child that acquired it last keeps it."""
 
     def __init__(
         self,
@@ -88,7 +90,7 @@ class PipelineSequence(Node):
     """Ticks its children again at each tick, from the first to the furthest that has run, as in Nav2.
 
     A child that runs again does not delay later children that have begun. It ends when a child fails, or when
-    the last has succeeded; children that still run are then halted. SKIPPED when all were skipped."""
+    the last child has succeeded; children that still run are then halted. SKIPPED when all were skipped."""
 
     def __init__(
         self,
@@ -100,10 +102,10 @@ class PipelineSequence(Node):
 class RoundRobin(Node):
     """Ticks its children in turn, and starts each time after the child that succeeded last, as in Nav2.
 
-    A child that fails or is skipped passes the turn on, in the same tick. It fails when all have failed, and,
-    without `wrap_around`, when the last child has had its turn without success. The turn is kept after a
-    success; a failure or a halt gives it back to the first child. As handler of a `Recover` it tries another
-    cure at each failure.
+    After a child that fails or is skipped, the next child runs in the same tick. The node fails when all have
+    failed. Without `wrap_around` it also fails when the last child has failed, and once after the last child
+    has succeeded. After a failure or a halt of the node the first child is next. As handler of a `Recover`
+    the node tries another cure at each failure.
 
     Ports:
         wrap_around: whether the first child follows the last one; default False.
@@ -118,7 +120,7 @@ class RoundRobin(Node):
     ) -> None: ...
 
 class AsyncSequence(Node):
-    """A Sequence that can be halted between two children: the tick ends behind each that succeeds at once."""
+    """A Sequence that ends the tick after a child that succeeds in its first tick; it can be halted there."""
 
     def __init__(
         self,
@@ -128,7 +130,7 @@ class AsyncSequence(Node):
     ) -> None: ...
 
 class AsyncFallback(Node):
-    """A Fallback that can be halted between two children: the tick ends behind each that fails at once."""
+    """A Fallback that ends the tick after a child that fails in its first tick; it can be halted there."""
 
     def __init__(
         self,
@@ -138,7 +140,7 @@ class AsyncFallback(Node):
     ) -> None: ...
 
 class TryCatch(Node):
-    """A Sequence of all children but the last, which runs when one of them fails: the node then fails, too.
+    """A Sequence of all children but the last; when one fails, the last child runs, and the node then fails.
 
     It fails with the failure of the child that failed, however the last child ends. With `catch_on_halt` a
     halt also ticks the last child, once; that child must end in one tick and move nothing.
@@ -158,8 +160,8 @@ class TryCatch(Node):
 class Parallel(Node):
     """Ticks all children that have not ended, in order, in each tick.
 
-    A number below zero counts from the end: -1 is all children, -2 all but one. It fails with the first
-    failure, the others' attached. Children that still run at its end are halted. SKIPPED when all were
+    A number below zero counts from the end: -1 is all children, -2 all but one. The node fails with the first
+    failure and attaches the others. Children that still run at its end are halted. SKIPPED when all were
     skipped.
 
     Ports:
@@ -179,8 +181,8 @@ class Parallel(Node):
 class ParallelAll(Node):
     """Ticks all children in each tick until every one has ended, independent of the results of others.
 
-    It then fails when `max_failures` children or more have failed: with the first failure, the others'
-    attached. A skipped child needs no end; SKIPPED when all were skipped.
+    It then fails when `max_failures` children or more have failed. It fails with the first failure and
+    attaches the others. A skipped child needs no end. SKIPPED when all were skipped.
 
     Ports:
         max_failures: number of failures at which the node fails; -1 for all children, -2 for all but one; default 1.
@@ -269,7 +271,9 @@ class ForEach(Node):
     ) -> None: ...
 
 class Inverter(Node):
-    """SUCCESS becomes FAILURE without a report, and FAILURE becomes SUCCESS, unless it is a safety stop."""
+    """SUCCESS becomes FAILURE without a report, and FAILURE becomes SUCCESS.
+
+    A safety stop (safety.*) and a fault of the program stay failures."""
 
     def __init__(
         self,
@@ -301,7 +305,7 @@ class ForceFailure(Node):
 class Repeat(Node):
     """Runs its child `num_cycles` times, or for as long as `while` holds; it fails when the child fails.
 
-    `while` is evaluated before each cycle. The tick ends between two cycles. A skipped child skips the loop.
+    `while` is evaluated before each cycle. The tick ends between two cycles. SKIPPED when the child is.
 
     Ports:
         num_cycles: number of cycles; -1 for no limit; at least -1; default -1.
@@ -318,7 +322,9 @@ class Repeat(Node):
     ) -> None: ...
 
 class KeepRunningUntilFailure(Node):
-    """Runs its child again and again, one tick apart, until it fails; then it fails with its failure."""
+    """Runs its child once a cycle until the child fails, and then fails with its failure.
+
+    The tick ends between two cycles."""
 
     def __init__(
         self,
@@ -328,10 +334,11 @@ class KeepRunningUntilFailure(Node):
     ) -> None: ...
 
 class RetryUntilSuccessful(Node):
-    """Runs its child until it succeeds, at most `num_attempts` times, one tick apart.
+    """Runs its child until the child succeeds, at most `num_attempts` times.
 
-    When all attempts are used up it fails with the last failure, the earlier ones attached; with
-    tree.attempts when the child gave no reason. A fault of the program is not tried again.
+    The tick ends between two attempts. When all attempts are used up, it fails with the last failure and
+    attaches the earlier ones. When the child gave no reason, it fails with tree.attempts. A fault of the
+    program is not tried again.
 
     Ports:
         num_attempts: maximum number of runs of the child; -1 for no limit; at least -1.
@@ -346,7 +353,7 @@ class RetryUntilSuccessful(Node):
     ) -> None: ...
 
 class Timeout(Node):
-    """Halts its child and fails with tree.timeout when it still runs after that time. 0 is without limit.
+    """Halts its child and fails with tree.timeout when the child still runs after `msec`. 0: no limit.
 
     Ports:
         msec: simulated time that the child may take; 0 for no limit, ms; at least 0.
@@ -361,7 +368,7 @@ class Timeout(Node):
     ) -> None: ...
 
 class Delay(Node):
-    """Waits that time, RUNNING, and then ticks its child.
+    """Is RUNNING for `delay_msec`, and then ticks its child.
 
     Ports:
         delay_msec: simulated time to wait before the child is ticked, ms; at least 0.
@@ -376,14 +383,14 @@ class Delay(Node):
     ) -> None: ...
 
 class RateController(Node):
-    """Begins a round of its child at most `hz` times a second, as Nav2's; RUNNING in between.
+    """Starts its child at most `hz` times a second, as in Nav2; between two runs it is RUNNING.
 
-    The first round begins at once, the next when that time has passed since the last success. A child that
-    runs is ticked at each tick. It is made for the children of a PipelineSequence: a parent that resets it
-    after its end begins the next round at once.
+    The first run starts immediately, the next when 1/`hz` seconds have passed since the last success. A child
+    that runs is ticked at each tick. The node is made for the children of a PipelineSequence. With a parent
+    that resets it after its end, the next run starts immediately.
 
     Ports:
-        hz: ticks of the child per second; more than 0; default 10.0.
+        hz: maximum number of starts of the child per second; more than 0; default 10.0.
     """
 
     def __init__(
@@ -395,7 +402,7 @@ class RateController(Node):
     ) -> None: ...
 
 class RunOnce(Node):
-    """Runs its child until it has ended once; after that it is SKIPPED, or answers as the child did then.
+    """Runs its child until the child has ended once; after that it is SKIPPED or repeats the result.
 
     Ports:
         then_skip: result of the second and later runs: SKIPPED (true), or the first result again (false); default True.
@@ -444,7 +451,7 @@ class WaitValueUpdate(Node):
     ) -> None: ...
 
 class AlwaysSuccess(Node):
-    """SUCCESS at once."""
+    """SUCCESS in its first tick."""
 
     def __init__(
         self,
@@ -454,7 +461,7 @@ class AlwaysSuccess(Node):
     ) -> None: ...
 
 class AlwaysFailure(Node):
-    """FAILURE at once, without a report, as a false condition."""
+    """FAILURE in its first tick, without a report, as a false condition."""
 
     def __init__(
         self,
@@ -511,7 +518,7 @@ class SetBlackboard(Node):
     ) -> None: ...
 
 class Script(Node):
-    """Assigns to keys of the blackboard: `key := expression`, several with `;`.
+    """Assigns to keys of the blackboard: `key := expression`, separated by `;`.
 
     `:=` creates a missing key; `=`, `+=`, `-=`, `*=` and `/=` change an existing one.
 
@@ -547,7 +554,7 @@ class Log(Node):
     ) -> None: ...
 
 class Sleep(Node):
-    """Waits that long, RUNNING, and then succeeds. 0 succeeds at once.
+    """Is RUNNING for `msec`, and then succeeds. With 0 it succeeds in its first tick.
 
     Ports:
         msec: simulated time to wait, ms; at least 0.
@@ -593,12 +600,12 @@ class Recover(Node):
     """Runs `do`; when it fails, runs the handler of the cause, then `do` again, at most `attempts` times.
 
     The first pattern of `when` that matches the cause is used, in the order of the file, else `otherwise`. A
-    cause without a handler fails at once. A failing handler ends the node with the original cause; the
+    cause without a handler fails immediately. A failing handler ends the node with the original cause; the
     handler's cause is attached. When all attempts are used up, `give_up` is run: it leaves the arm in a state
-    from which other nodes can continue. The node then fails with the last cause, the earlier ones attached.
-    Attempts also end early in two cases. The first: the last two failures, or the first one of this run,
-    report an unchanged situation (evidence `unchanged`). The second: an object is still unknown after its
-    handler. A fault of the program is handled only where a pattern names it: `internal.error`.
+    from which other nodes can continue. The node then fails with the last cause and attaches the earlier
+    ones. Attempts also end early in two cases. The first: the last two failures, or the first one of this
+    run, report an unchanged situation (evidence `unchanged`). The second: an object is still unknown after
+    its handler. A fault of the program is handled only where a pattern names it: `internal.error`.
 
     A handler of `instead` replaces `do`. It takes precedence over those of `when`, also after the last
     attempt, and the node succeeds with it. So a defective item is done when it is in quarantine. The outputs
@@ -636,10 +643,10 @@ class Recover(Node):
 class RecoveryNode(Node):
     """Runs its first child; when it fails, runs the second, then the first again, as in Nav2.
 
-    The first child runs once more than `number_of_retries`. When the second child fails or is skipped, the
-    node fails with the first one's cause, the second one's attached. When all retries are used up, it fails
-    with the last cause, the earlier ones attached. SKIPPED when the first child is. The tick ends between the
-    two. `Recover` chooses the handler by the cause.
+    The first child runs at most `number_of_retries` + 1 times. When the second child fails or is skipped, the
+    node fails with the first child's cause and attaches the second child's. When all retries are used up, it
+    fails with the last cause and attaches the earlier ones. SKIPPED when the first child is. The tick ends
+    between the two children. `Recover` chooses the handler by the cause.
 
     Ports:
         number_of_retries: maximum number of runs of the second child; at least 0; default 1.
@@ -667,7 +674,7 @@ class Budget(Node):
     Each handler that a `Recover` or `RecoveryNode` below starts counts. The time from a first
     failure until it is cured or given up counts, too. A handler that runs when the
     time is used up may end; no further handler starts. The nodes below then give up, with their `give_up`.
-    The budget fails with tree.budget, with the failure that was not handled attached. Without recovery the
+    The budget fails with tree.budget and attaches the failure that was not handled. Without recovery the
     child may run without limit.
 
     With `of` each object has an account, which is kept until the child succeeds with that object. Without
@@ -691,10 +698,10 @@ class Budget(Node):
     ) -> None: ...
 
 class ForAttempt(Node):
-    """Take the value that a list has for this attempt: the first for the first; after the last, the last.
+    """Take the value of a list for this attempt; attempts beyond the end of the list take the last value.
 
-    So an attempt is made with more force, more slowly, through another camera than the one before. Numbers
-    are in SI units, without unit.
+    So an attempt can use more force, less speed or another camera than the attempt before. Numbers are in SI
+    units, without unit.
 
     Ports:
         attempt: number of the attempt: 1, 2, …; output `attempt` of the Recover; at least 1.
@@ -864,8 +871,8 @@ class WouldWaitingHelp(Node):
 class FreeSpot(Node):
     """Find a place on a table where the held object can be put down, with room for the hand around it.
 
-    The nearest one to where the hand is, within reach, away from edges, bins and everything believed; after
-    it was offered once, another one. `Place` with `at` puts the object there.
+    It is the free place nearest to the hand, within reach, and away from edges, bins and believed objects.
+    The next start gives another place. `Place` with `at` puts the object there.
 
     Ports:
         object: the held object.
@@ -884,9 +891,10 @@ class FreeSpot(Node):
 class LookAround(Node):
     """Look again in another way: through each camera of the scene, from each pose that robots look from.
 
-    First through those that hang still, from where the arm is; then from each pose, through all. With
-    `expect` it ends as soon as that object was seen; without it, when every camera has looked once. A camera
-    that gives no picture, or a pose that cannot be reached, is passed over while another is left.
+    Fixed cameras look first, from the arm's present pose. Then the arm goes to each pose, and the cameras
+    look there. With `expect` the node ends as soon as a camera has seen that object; without it, when every
+    camera has looked once. A camera without a picture or a pose out of reach is skipped while another is
+    left.
 
     Ports:
         expect: the object to look for; without it, all cameras look once.
@@ -950,10 +958,10 @@ class SafeRetreat(Node):
     ) -> None: ...
 
 class SetAside(Node):
-    """Give an item up where it lies: it is among the items to be done no longer, until it is put elsewhere.
+    """Give up an item where it lies: it is no longer among the items to be done, until it is put elsewhere.
 
-    With `after: 2` the first time only counts, for the item may be had when others are out of its way.
-    Nothing moves: the belief alone changes. An item that is gone needs no giving up: SUCCESS.
+    With `after: 2` the first call is only counted: the item may be within reach when others are out of its
+    way. Nothing moves: the belief alone changes. SUCCESS when the item is gone.
 
     Ports:
         object: the item to give up, which is not in the hand.
@@ -996,18 +1004,18 @@ class Observe(Node):
 class Grasp(Node):
     """Grasp an object between the fingers from above and lift it clear.
 
-    Candidates are grasps with the places that they lead to, ranked. A candidate counts only if the hand fits
-    between the neighbours and the arm reaches it. From there the arm must also be able to put the object
-    where it belongs. Where the hand does not fit upright, as beside a wall, it leans. The fingers close until
-    contact, and the hand gives way to the one that touches first. Finger opening and load on the wrist show
-    whether the object is held; an object that slips is gripped more firmly. An object that was missed or lost
-    is grasped once more, if it is seen from there or was lost where it was gripped.
+    Each candidate has a grasp and the place where the grasp leads; candidates are ranked. A candidate counts
+    only if the hand fits between the neighbours and the arm reaches it. From there the arm must also be able
+    to put the object where it belongs. Where the hand does not fit upright, as beside a wall, it leans. The
+    fingers close until contact, and the hand gives way to the finger that touches first. Finger opening and
+    load on the wrist show whether the object is held; an object that slips is gripped more firmly. An object
+    that was missed or lost is grasped once more, if it is seen from there or was lost where it was gripped.
 
     Ports:
         object: the object to grasp.
         force: maximum grip force of each finger: the applied force follows from weight and friction, and is limited by this port, by the item (`force_limit`) and by the gripper, N; more than 0; default 70.0.
         speed: share of the joints' speed limits: 1 for the full limits; more than 0, at most 1; default 1.0.
-        onward: whether lift and transfer to the destination are one motion, for a `Place` that follows at once; the arm stops by itself when no `Place` follows; default True.
+        onward: whether lift and transfer to the destination are one motion, for a `Place` as the next skill; the arm stops by itself when no `Place` follows; default True.
         servo: whether the hand stops over the object and corrects the grasp by an image of the hand camera, if the robot has one; default True.
     """
 
@@ -1027,10 +1035,10 @@ class PickAny(Node):
     """Pick some thing out of a tote or a pile, without knowing its shape, size or weight.
 
     The camera maps the heights of the heap. The hand's shape is swept over the map: vertical grasps come
-    first, then tilted ones, then looser demands. The weight at the wrist after the lift shows whether
-    something is held. The thing then becomes an object of the belief with hull, colour and weight, for
-    `Place`. A thing that the hand holds already is kept. A place where a grasp has failed is left out until
-    the depth there changes.
+    first, then tilted ones, then grasps that meet looser demands. The weight at the wrist after the lift
+    shows whether something is held. The thing then becomes an object of the belief with hull, colour and
+    weight, for `Place`. A thing that the hand holds already is kept. A place where a grasp has failed is left
+    out until the depth there changes.
 
     Ports:
         from_: the tote, or the fixture with a pile, to pick from.
@@ -1188,11 +1196,12 @@ class Push(Node):
     ) -> None: ...
 
 class Stir(Node):
-    """Push through the heap in a tote with closed or open fingers, for when nothing in it can be grasped.
+    """Push through the heap in a tote with closed or open fingers, when nothing in it can be grasped.
 
     The strokes are planned from the height map. Things against a wall are pushed away from it; otherwise a
-    stroke goes through the highest part. After each the arm moves out of the view and looks. A stroke that
-    changed nothing is not repeated. Grasps that failed where the depth has changed may be tried again.
+    stroke goes through the highest part. After each stroke the arm moves out of the view, and the camera
+    looks. A stroke that changed nothing is not repeated. Grasps that failed where the depth has changed may
+    be tried again.
 
     Ports:
         in_: the tote to stir in.
@@ -1234,7 +1243,7 @@ class GoTo(Node):
     ) -> None: ...
 
 class OpenGripper(Node):
-    """Open the fingers; a held object is removed from the hand in the belief.
+    """Open the fingers; the belief then has no object in the hand.
 
     Ports:
         width: opening between the fingers; 0 for the full opening, m; at least 0; default 0.0.
@@ -1292,8 +1301,8 @@ class ExchangeBin(Node):
     scene fills comes back full, as long as items are left.
 
     With `fill` it requests an exchange only for a bin whose heap, as seen, is at least that high; for any
-    other bin it succeeds at once. The content of the bin is removed from the belief. The arm must be clear of
-    the bin, and so must a held item: bins are not exchanged below the arm.
+    other bin it succeeds immediately. The content of the bin is removed from the belief. The arm must be
+    clear of the bin, and so must a held item: bins are not exchanged below the arm.
 
     Ports:
         bin: the bin to exchange.
@@ -1351,9 +1360,9 @@ class Jog(Node):
 class Survey(Node):
     """Look at a calibration target, and record exactly where its squares are in the pictures.
 
-    A camera on the hand is taken to places all around it, which differ as much in their turn as the arm
-    allows. Places out of reach are passed over. A fixed camera takes many pictures while the arm is out of
-    its view, and their mean is used. Nothing is corrected yet: `picktree calibrate` does that.
+    A camera on the hand takes pictures from all around the target, with rotations that differ as much as the
+    arm allows. Viewpoints out of reach are skipped. A fixed camera takes many pictures while the arm is out
+    of its view, and their mean is used. Nothing is corrected yet: `picktree calibrate` does that.
 
     Ports:
         target: the fixture with `marker`; default target.
@@ -1397,8 +1406,8 @@ class WatchScene(Node):
 
     Each picture updates the belief when the camera's time of thinking is over; the child does not wait for
     it. Objects hidden by the arm or by the held object stay believed. So a motion detects a new obstacle in
-    its path, and `Grasp` a moved object. No picture is taken during a grasp or a release, for 0.25 s after a
-    grasp, and for 0.5 s after a release.
+    its path, and `Grasp` detects that its object was moved. No picture is taken during a grasp or a release,
+    for 0.25 s after a grasp, and for 0.5 s after a release.
 
     Ports:
         camera: the camera to look through; default overhead.

@@ -168,7 +168,7 @@ class BatchPlan(file_models.FileValue):
     """Batch of runs: every combination of missions, scenes, faults and settings, with each seed."""
 
     name: Annotated[str, file_models.ReadAs(Text | None, lambda name: name or ""), Field(default_factory=str)]
-    """Name of the batch; the file's name unless given."""
+    """Name of the batch. Default: the file's name."""
     missions: Annotated[tuple[MissionPath, ...], Field(min_length=1)]
     """Mission files; paths count from this file."""
     seeds: Seeds

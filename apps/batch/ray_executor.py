@@ -76,7 +76,8 @@ def difference(here: Installation, there: Installation) -> str:
         name for name in {*here.sources, *there.sources} if here.sources.get(name) != there.sources.get(name)
     )
     if files:
-        return f"its picktree differs in {', '.join(files[:3])}{' and more' if len(files) > 3 else ''}"
+        more = " and more" if len(files) > 3 else ""
+        return f"its picktree differs from the one here in {', '.join(files[:3])}{more}"
     return ""
 
 

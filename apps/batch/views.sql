@@ -53,7 +53,7 @@ SELECT variant, cause, handler, sum(seen) AS seen, sum(cured) AS cured,
     FROM cures JOIN jobs USING (job) GROUP BY variant, cause, handler
     ORDER BY min(number), cause, sum(cured) DESC, sum(seen) DESC, handler;
 
-CREATE VIEW cures_by_cause AS  -- how many troubles of each cause are cured, with Wilson's 95 % interval, and what do they cost?
+CREATE VIEW cures_by_cause AS  -- how many episodes of each cause are cured, with Wilson's 95 % interval, and what do they cost?
 WITH counts AS (
         SELECT cause, sum(seen) AS seen, sum(cured) AS cured, sum(done_instead) AS done_instead,
                sum(unhandled) AS unhandled, sum(seen) - sum(done_instead) AS to_cure,
@@ -72,7 +72,7 @@ WITH counts AS (
            tries_a_cure, seconds, jobs
     FROM shares ORDER BY seconds DESC, seen DESC, cause;
 
-CREATE VIEW planted_seen AS  -- as what is each kind of planted fault seen first, and is that cured?
+CREATE VIEW planted_seen AS  -- which failure does each kind of injected fault cause first, and is it cured?
 SELECT variant, fault, cause, ended, count(*) AS faults, count(DISTINCT job) AS jobs, avg(after) AS after
     FROM planted JOIN jobs USING (job) GROUP BY variant, fault, cause, ended
     ORDER BY min(number), fault, count(*) DESC, cause, ended;

@@ -36,8 +36,8 @@ def attach(
 class _Conversation:
     """Conversation of a user or a script with a run.
 
-    Lines of a terminal are sent at once. A line of a script is sent when the line before it has its reply and
-    the run is stopped. After `pause`, `step`, `next` and `continue` it waits for the stop.
+    Lines of a terminal are sent immediately. A line of a script is sent when the line before it has its reply
+    and the run is stopped. After `pause`, `step`, `next` and `continue` it waits for the stop.
     """
 
     def __init__(self, connection: socket.socket, *, steer: bool) -> None:

@@ -100,7 +100,7 @@ def check(
         typer.Option(metavar="FILE", help="File name of stdin; other files are looked for in its folder."),
     ] = None,
 ) -> None:
-    """Check files of any kind: all errors of all files at once. Exit code 2: there are errors."""
+    """Check files of any kind, and report all errors of all files together. Exit code 2: there are errors."""
     from picktree.files import file_checks, file_system
     from picktree.files.yaml import file_text
 

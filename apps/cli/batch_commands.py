@@ -71,7 +71,7 @@ KeptLogs: TypeAlias = Annotated[
     Literal["all", "failures", "none"], typer.Option(help="Jobs whose logs are kept.")
 ]
 Workers: TypeAlias = Annotated[
-    int | None, typer.Option(min=1, help="Maximum number of jobs at once.", show_default="one a core")
+    int | None, typer.Option(min=1, help="Maximum number of concurrent jobs.", show_default="one a core")
 ]
 ExecutorName: TypeAlias = Annotated[
     Literal["local", "ray"], typer.Option(help="Executor of the jobs: this machine, or a Ray cluster.")
@@ -119,8 +119,8 @@ def run(
 ) -> None:
     """Run every combination of missions, scenes, faults and settings with every seed.
 
-    Ctrl-C once finishes the running jobs, twice stops at once; --resume continues. Exit code 0: every job
-    reached its goal; 1: one did not.
+    The first Ctrl-C finishes the running jobs, the second stops immediately; --resume continues. Exit code 0:
+    every job reached its goal; 1: one did not.
     """
     _require_one_source(context, plan, mission, resume)
     if address is not None and executor == "local":

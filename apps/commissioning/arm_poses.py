@@ -121,7 +121,7 @@ def propose_poses(model: RobotModel, space: SpaceOverTable, seed: int = 0) -> tu
     most = reach(model, seed=seed)
     search = _Search(model, space, most, seed)
     home = search.best(HOME_DISTANCES, HOME_HEIGHTS)
-    comment = "Tool down in front of the first joint."
+    comment = "Tool pointing down, in front of the first joint."
     if home is None:
         home = search.anywhere()
         comment = "No free pose with the tool down was found. This pose is free and away from limits."

@@ -139,7 +139,7 @@ def _head(scenes: tuple[str, ...]) -> dict[str, Schema]:
         "name": {
             "type": ["string", "null"],
             "minLength": 1,
-            "description": "Name of the mission in results and reports; the file's name unless given.",
+            "description": "Name of the mission in results and reports. Default: the file's name.",
         },
         "scene": {
             "type": ["string", "null"],
@@ -152,7 +152,7 @@ def _head(scenes: tuple[str, ...]) -> dict[str, Schema]:
             "minLength": 1,
             "description": "Condition for a successful run, besides the root's SUCCESS: an expression of the "
             "numbers of items total, sorted, misplaced, left and outstanding (those that a feed still owes). "
-            "Every item at its destination and none outstanding unless given.",
+            "Default: every item at its destination and none outstanding.",
             "examples": ["misplaced == 0 and left <= 1"],
         },
         "library": {
@@ -254,7 +254,7 @@ def _tree_port() -> Schema:
             "choices": {"type": "array", "description": "The only values allowed."},
             "direction": {
                 "enum": ["in", "out"],
-                "description": "'out': the tree writes it. 'in' unless given.",
+                "description": "'out': the tree writes it. Default: 'in'.",
             },
         },
         "additionalProperties": False,

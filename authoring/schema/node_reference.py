@@ -47,9 +47,9 @@ _NAME_WORDS = {
     "colour": "name of a colour",
     "planner": "name of a planner",
 }
-_ASSIGNMENTS = "Assignments, as `tries := tries + 1`, several with `;`: made when the node "
+_ASSIGNMENTS = "Assignments such as `tries := tries + 1`, separated by `;`. They are executed when the node "
 COMMON_DOCS: Mapping[str, str] = {
-    "name": "Name of the node in pictures, logs and paths; its ID unless given.",
+    "name": "Name of the node in pictures, logs and paths. Default: its ID.",
     "_failureIf": "An expression: when it holds before the node starts, the node is FAILURE and does not "
     "start.",
     "_successIf": "An expression: when it holds before the node starts, the node is SUCCESS and does not "

@@ -83,7 +83,7 @@ class FileReference:
             yield f"\n## {section.name or 'The file'}\n"
             if section.name:
                 under = ", ".join(f"`{key}`" for key in dict.fromkeys(section.under))
-                yield f"{section.doc} Stands under {under}.\n"
+                yield f"{section.doc} It is written under {under}.\n"
             yield "| key | meaning | example |"
             yield "|---|---|---|"
             for key, found in section.keys.items():

@@ -44,7 +44,7 @@ def indexes_text(indexes: Iterable[int]) -> str:
 def read_indexes(text: str) -> tuple[int, ...]:
     """Parse a list of indexes. Raises ValueError."""
     if not re.fullmatch(r"\s*\d{1,6}\s*(;\s*\d{1,6}\s*)*", text, re.ASCII):
-        raise ValueError(f"{text[:30]!r} is not a list of indexes, as '1;2'")
+        raise ValueError(f"{text[:30]!r} is not a list of indexes; write e.g. '1;2'")
     return tuple(int(part) for part in text.split(";"))
 
 

@@ -8,7 +8,8 @@ I", 2006).
 
 Association of patches: objects seen through one camera with a mounting error are shifted alike. So every
 shift that brings some object onto some patch is tested on all of them. The one that explains most with the
-least shift counts. It is ambiguous when a shift with another patch for the target explains nearly as much.
+least shift counts. The picture is ambiguous
+when another shift takes a different patch as the target and explains nearly as much.
 """
 
 from __future__ import annotations

@@ -56,7 +56,7 @@ class JointGoal:
 
 @dataclass(frozen=True, slots=True)
 class PoseGoal:
-    """TCP at any of these poses in the world; several IK solutions of each are goals at once."""
+    """TCP at any of these poses in the world; several IK solutions of each pose are goals of one search."""
 
     tcp_in_world: tuple[Pose, ...]
 

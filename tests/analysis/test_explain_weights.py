@@ -82,7 +82,7 @@ def failure(cause: str = "grasp.slipped", **evidence: object) -> FailureStory:
         (20.0, 17.0, "item.slipped", "red_block_1 slid out of the fingers between 1.5 and 1.6 s"),
         (20.0, 18.3, "item.heavy", "red_block_1 is heavier than its kind: it slipped under 18 N"),
         # With less than 1.3 times the weight it was the mission's fault.
-        (5.2, 1.0, "grasp.weak", "red_block_1 was gripped with too little force: 5.2 N a finger"),
+        (5.2, 1.0, "grasp.weak", "red_block_1 was gripped with too little force: 5.2 N per finger"),
         (5.5, 1.0, "item.slippery", "red_block_1 is slipperier than its kind: its friction is at most 0.10"),
     ],
 )

@@ -193,7 +193,9 @@ def test_a_node_with_another_picktree_is_refused(
     monkeypatch.setattr(ray_executor, "installed", lambda: edited)
     with pytest.raises(PicktreeError) as refused:
         RayExecutor(address=cluster)
-    assert re.fullmatch(r"the node [\d.]+: its picktree differs in skills/grasp\.py", str(refused.value))
+    assert re.fullmatch(
+        r"the node [\d.]+: its picktree differs from the one here in skills/grasp\.py", str(refused.value)
+    )
     assert two.slots == 2
 
 
@@ -228,7 +230,9 @@ def test_what_sets_two_machines_apart_is_said() -> None:
     assert difference(here, here) == ""
     assert difference(here, there) == "it has numpy 2.3.0, here 2.4.6; python missing, here 3.11"
     same = replace(there, versions=here.versions)
-    assert difference(here, same) == "its picktree differs in skills/grasp.py, world/clock.py"
+    assert (
+        difference(here, same) == "its picktree differs from the one here in skills/grasp.py, world/clock.py"
+    )
 
 
 @pytest.mark.parametrize(

@@ -124,7 +124,7 @@ def test_from_home_no_elbow_or_wrist_turns_over_on_the_way_to_items_and_bins(tmp
     made = proposed(tmp_path, *OFFSET_WRIST)
     model, generator = RobotModel(made.robot), np.random.default_rng(0)
     home = np.array(made.draft.poses[0].joints)
-    assert made.draft.poses[0].comment == "Tool down in front of the first joint."
+    assert made.draft.poses[0].comment == "Tool pointing down, in front of the first joint."
     kinematics = InverseKinematics(model)
     for place in places():
         x, y, z = place.position.tolist()

@@ -1,5 +1,5 @@
 """Loader of missions: mission file to Mission, with the trees that it includes. All errors of the text
-are found and reported at once.
+are found and reported together.
 """
 
 from __future__ import annotations

@@ -112,8 +112,10 @@ class GripperSettings(file_models.FileValue):
     pads: tuple[PlacedBox, PlacedBox]
     """The pads, each in the frame of its finger link, with edges along the x, y and z of the TCP."""
     finger_bodies: tuple[PlacedBox, ...] = ()
-    """The rest of the fingers between pad and palm, each in the frame of its link: of the first and the
-    second finger in turn. They collide without gripping, since they are behind the face of the pad."""
+    """Remaining parts of the fingers between pad and palm, each in the frame of its link.
+
+    Boxes of the first and the second finger alternate. They collide without gripping, because they are behind
+    the face of the pad."""
     pad_contact: PadContact = PadContact()
     """Contact of the pads in simulation."""
     hand: tuple[PlacedBox, ...]

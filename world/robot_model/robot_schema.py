@@ -33,7 +33,7 @@ class LinkageFile(file_models.FileModel):
     followers: dict[str, Annotated[float, file_models.quantity("")]]
     """Multipliers of the following joints: rotation of each for a radian of the driven joint."""
     offsets: dict[str, file_models.Angle] = Field(default_factory=dict[str, float])
-    """Angles of followers when the driven joint is at 0; 0 unless given."""
+    """Angles of followers when the driven joint is at 0. Default: 0."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,8 +49,8 @@ class GripperFile(GripperSettings):
     max_width: Annotated[float, file_models.quantity("m", above=0)] | None = None
     """Greatest opening between the pads. Needed with `joints`; of a linkage it is computed from the pads."""
     finger: PlacedBox | None = None
-    """A box around the finger on the +y side at opening 0, in the frame of the TCP; the other mirrors it.
-    Without it, its pad and the bodies behind it are taken."""
+    """A box around the finger on the +y side at opening 0, in the frame of the TCP; the other finger mirrors
+    the box. Without this key, the pad and the bodies behind the pad are used."""
 
 
 class MountFile(FrameFile):
@@ -58,7 +58,7 @@ class MountFile(FrameFile):
     the frame of the arm's link."""
 
     urdf: Annotated[str, file_models.NamedFile("urdf")]
-    """The gripper's URDF, named as the arm's. It may hold more than the gripper."""
+    """The gripper's URDF, in the same form as the arm's `urdf`. It may hold more than the gripper."""
     link: str = ""
     """First link of the gripper; the links from it on are used. Without it, all links."""
     to: str
@@ -97,7 +97,8 @@ class RobotFile(file_models.FileModel):
     """Last joint of the arm, for a URDF without a fixed joint between arm and hand. `flange_joint` is
     inserted after it, and the links beyond become the hand."""
     payload: file_models.Mass | None = None
-    """Rated payload: greatest mass at the flange, including the hand. Not monitored unless given."""
+    """Rated payload: greatest mass at the flange, including the hand.
+    Without it the payload is not monitored."""
     gripper: GripperFile
     """Gripper of the robot."""
     planner: planner_names.PlannerName | None = None

@@ -499,7 +499,7 @@ class Delivery(ItemLoad):
         file_models.ReadAs(WhenFile | None, WhenFile.value),
         BeforeValidator(_clear, json_schema_input_type=Literal["clear"] | WhenFile | None),
     ] = WhenClear()
-    """Time of the loads: `clear` (unless given), `{every: 45 s}` or `{at: [10 s, 60 s]}`. With `clear` a load
+    """Time of the loads: `clear` (default), `{every: 45 s}` or `{at: [10 s, 60 s]}`. With `clear` a load
     comes when the robot reports that it is done with the present items. A belt runs whenever the robot is
     ready; a tote comes when it is exchanged."""
     spacing: Annotated[float, file_models.quantity("m", least=0.01, most=10)] = 0.15
@@ -601,7 +601,7 @@ class SceneSettings(file_models.FileValue):
     """Number of handled items between two checkpoints of a run."""
     goal: str | None = None
     """Goal of a run: an expression of the numbers of items total, sorted, misplaced, left and outstanding
-    (those that the feed still owes). Every item at its destination and none outstanding unless given."""
+    (those that the feed still owes). Default: every item at its destination and none outstanding."""
     exchange: Exchange | None = None
     """Exchange of full bins and empty totes; without it they are never exchanged."""
     tool_error: Offset = field(default_factory=Pose)

@@ -186,7 +186,7 @@ class CatalogueFile(file_models.FileModel):
     friction: Annotated[float, file_models.quantity("", least=0, most=2)]
     """Coulomb's coefficient against the table and the fingers."""
     force_limit: file_models.Force | None = None
-    """Greatest grip force of a finger without damage; unlimited unless given."""
+    """Greatest grip force of a finger without damage. Default: unlimited."""
 
 
 SECTIONS = ("fixtures", "unknown", "cameras", "catalogue", "spawn", "feed", "destinations")
@@ -202,7 +202,7 @@ class CameraFile(CameraSettings):
     look_at: file_models.Vector
     """The point in the middle of its picture, in the same frame."""
     up: file_models.Vector | None = None
-    """Direction that is up in the picture, in the same frame; z unless given, x when the camera looks
+    """Direction that is up in the picture, in the same frame. Default: z, or x when the camera looks
     along z."""
 
 
