@@ -11,14 +11,18 @@ from numpy.typing import NDArray
 
 from picktree.world import Array, Intrinsics, Pose
 
+NOISE_STRIDE = 2
+"""Step between the rows, and between the columns, in which the noise of the depth is measured."""
 MIN_CAMERA_DEPTH = 0.02
 """Distance from the camera's plane below which a point is not before the camera, m."""
 
 
 def depth_noise(depth: NDArray[np.float32]) -> tuple[float, float]:
     """Return the standard deviation of the depth between neighbouring pixels, and the median depth, m."""
-    inner = depth[1:-1, 1:-1]
-    around = (depth[:-2, 1:-1], depth[2:, 1:-1], depth[1:-1, :-2], depth[1:-1, 2:])
+    every = slice(1, -1, NOISE_STRIDE)
+    inner = depth[every, every]
+    before, after = slice(None, -2, NOISE_STRIDE), slice(2, None, NOISE_STRIDE)
+    around = (depth[before, every], depth[after, every], depth[every, before], depth[every, after])
     known = (inner > 0) & np.logical_and.reduce([side > 0 for side in around])
     if not bool(known.any()):
         return 0.0, 0.7

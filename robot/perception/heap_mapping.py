@@ -29,7 +29,6 @@ from picktree.world.scene import Bin, SceneDescription, destinations
 from .camera_geometry import PosedCamera, rays_of
 from .segmentation import SegmentationInput
 from .tag_reading import read_tags
-from .view import BinView
 
 CELL = 0.002
 """Edge length of a cell, m."""
@@ -303,16 +302,17 @@ def bin_height_map(
     bin_: Bin,
     noise: float,
     cells: int = DEFAULT_CELLS,
-) -> BinView:
-    """Compute the height map of a bin. `blocked` (h, w) marks pixels of the robot; `noise` is the depth's
-    standard deviation at 0.7 m."""
+) -> Array:
+    """Compute the heights in the cells of a bin (n, n), m; NaN where the picture shows nothing.
+
+    `blocked` (h, w) marks pixels of the robot; `noise` is the depth's standard deviation at 0.7 m."""
     heights = np.full((cells, cells), np.nan)
     low, high = bin_.inside()
     reach = np.array([high[0], high[1], high[2] + MAX_HEAP_ABOVE_RIM])
     box = np.array(list(itertools.product((low[0], reach[0]), (low[1], reach[1]), (low[2], reach[2]))))
     before = picture.sight.before(bin_.pose.apply(box))
     if not len(before):
-        return BinView(heights)
+        return heights
     corners = picture.sight.pixels(before)
     h, w = picture.depth.shape
     (u0, v0), (u1, v1) = np.floor(corners.min(axis=0)), np.ceil(corners.max(axis=0)) + 1
@@ -343,4 +343,4 @@ def bin_height_map(
             rank = int(CELL_HEIGHT_QUANTILE * len(own))
             top = float(np.partition(own, rank)[rank]) - QUANTILE_SIGMAS * spread
             heights[k // cells, k % cells] = max(0.0, top - low[2])
-    return BinView(heights)
+    return heights

@@ -183,7 +183,7 @@ class PictureMemory:
     def keep(self, view: PerceivedView, objects: Mapping[int, BeliefObject]) -> None:
         """Remember the recognised patches of a view. `objects`: the belief of each detection that has one,
         by its index in the view. A patch replaces those that it overlaps."""
-        fresh = [self._understood(view, patch, objects) for patch in view.recognised if patch.clear]
+        fresh = [self._understood(view, patch, objects) for patch in view.recognised]
         if not fresh:
             return
         taken = np.zeros(view.depth.size, dtype=np.bool_)

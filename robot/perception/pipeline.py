@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import cv2
 import numpy as np
@@ -55,7 +56,7 @@ from .segmentation import (
     downsample,
     outline_patch,
 )
-from .view import CERTAIN_CONFIDENCE, Detection, PerceivedView, RecognisedPatch, UnexplainedPatch
+from .view import CERTAIN_CONFIDENCE, BinView, Detection, PerceivedView, RecognisedPatch, UnexplainedPatch
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,7 +177,10 @@ class Perception:
             yield WORK_PER_TICK + finding.fitter.count.fits
         yield 2 * WORK_PER_TICK + finding.fitter.count.fits
         finding.things()
-        bins = {b.id: bin_height_map(picture, shot.robot, b, shot.noise) for b in self._description.bins}
+        bins = {
+            b.id: BinView(partial(bin_height_map, picture, shot.robot, b, shot.noise))
+            for b in self._description.bins
+        }
         return PerceivedView(
             image.camera,
             image.stamp,
@@ -332,7 +336,6 @@ class _Finding:
                 tuple(detections),
                 tuple(self.unexplained[boxed:]),
                 all(self.detections[n].confidence >= CERTAIN_CONFIDENCE for n in detections),
-                not self._is_beside_robot(patch),
             )
         )
 
@@ -448,12 +451,10 @@ class _Finding:
 
     def _beside_robot(self, blob: Blob) -> bool:
         """Whether the robot may hide a part of the blob, which then cannot be expected to fit."""
-        return self._is_beside_robot(blob.patch) and not blob.whole
-
-    def _is_beside_robot(self, patch: PixelPatch) -> bool:
-        y0, y1 = max(int(patch.rows.min()) - 2, 0), int(patch.rows.max()) + 3
-        x0, x1 = max(int(patch.columns.min()) - 2, 0), int(patch.columns.max()) + 3
-        return bool(self.robot[y0:y1, x0:x1].any())
+        rows, columns = blob.patch.rows, blob.patch.columns
+        y0, y1 = max(int(rows.min()) - 2, 0), int(rows.max()) + 3
+        x0, x1 = max(int(columns.min()) - 2, 0), int(columns.max()) + 3
+        return bool(self.robot[y0:y1, x0:x1].any()) and not blob.whole
 
     def _too_large(self, blob: Blob, floor: SupportSurface) -> bool:
         """Whether the blob is too high to be a part of any item, even of one that the robot hides in part."""

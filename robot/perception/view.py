@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -68,16 +69,21 @@ class RecognisedPatch:
     unexplained: tuple[UnexplainedPatch, ...]
     certain: bool
     """Whether each detection in it is certain."""
-    clear: bool
-    """Whether the robot hides nothing of it."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class BinView:
     """Heights seen inside a bin. Cells count along the bin's x (rows) and y (columns)."""
 
-    cells: Array
-    """Height of the heap above the bin's floor (n, n), m; NaN where it was not seen."""
+    def __init__(self, heights: Array | Callable[[], Array]) -> None:
+        """`heights`: the cells, or a function that computes them when they are read first."""
+        self._heights = heights
+
+    @cached_property
+    def cells(self) -> Array:
+        """Height of the heap above the bin's floor (n, n), m; NaN where it was not seen."""
+        heights = self._heights() if callable(self._heights) else self._heights
+        self._heights = heights  # The picture is no longer needed.
+        return heights
 
     def over(self, former: BinView | None) -> BinView:
         """Fill the unseen cells with those of a former view."""
