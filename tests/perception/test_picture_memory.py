@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from picktree.logs import log_records
-from picktree.robot.perception import WORK_PER_TICK, Perception, PictureMemory, PictureState, update_belief
-from picktree.world import BeliefObject, PlanningScene, Pose
+from picktree.robot.perception import (
+    WORK_PER_TICK,
+    Perception,
+    PictureMemory,
+    PictureState,
+    PosedCamera,
+    update_belief,
+)
+from picktree.world import BeliefObject, PlanningScene, Pose, RgbdImage
 
 from .perception_pictures import (
     BALL,
@@ -43,10 +51,14 @@ class Looker:
         self.robot = Robot()
         self.look(things)
 
-    def look(self, things: Sequence[Thing], *, after: float = 0.1) -> int:
-        """Return the number of fits of one look."""
+    def look(
+        self, things: Sequence[Thing], *, after: float = 0.1, spoil: Callable[[RgbdImage], None] | None = None
+    ) -> int:
+        """Return the number of fits of one look; `spoil` changes the image before."""
         self.now += after
         image = replace(photograph(things, seed=round(10 * self.now)), stamp=self.now)
+        if spoil is not None:
+            spoil(image)
         known, fits = self.scene.objects, list[int]()
         work = Perception(SCENE, self.robot).understand(
             image, np.zeros(7), 0.08, None, known, self.memory, known
@@ -153,6 +165,54 @@ def test_a_restored_memory_confirms_the_same() -> None:
     looker.memory = PictureMemory.from_state(adapter.validate_json(adapter.dump_json(state)))
     assert looker.memory.state() == state
     assert looker.look((*THREE, standing(BLOCK, 0.45, -0.059, 0.3, "red"))) == 0
+
+
+def in_the_middle(
+    looker: Looker, size: int, change: Callable[[RgbdImage, tuple[slice, slice]], None]
+) -> Callable[[RgbdImage], None]:
+    """Return a change of a square of `size` pixels in the middle of the red block."""
+    red = looker.believed("red")
+    assert red is not None
+
+    def spoil(image: RgbdImage) -> None:
+        sight = PosedCamera.at(image.intrinsics, image.camera_in_world)
+        column, row = (round(float(n)) for n in sight.pixels(np.array([red.pose.position]))[0])
+        change(image, (slice(row, row + size), slice(column, column + size)))
+
+    return spoil
+
+
+def nearer(image: RgbdImage, window: tuple[slice, slice]) -> None:
+    image.depth[window] -= 0.03
+
+
+def green(image: RgbdImage, window: tuple[slice, slice]) -> None:
+    image.colour[window] = (0, 200, 0)
+
+
+@pytest.mark.parametrize("change", [nearer, green])
+@pytest.mark.parametrize(("size", "again"), [(1, False), (3, True)])
+def test_a_few_changed_pixels_change_nothing(change: Any, size: int, *, again: bool) -> None:
+    looker = Looker()
+    fits = looker.look(THREE, spoil=in_the_middle(looker, size, change))
+    assert (fits > 0) == again
+
+
+def test_a_patch_that_rose_as_a_whole_is_recognised_again() -> None:
+    looker = Looker()
+
+    def risen(image: RgbdImage) -> None:
+        image.depth[(image.colour[..., 2] > 120) & (image.colour[..., 0] < 60)] -= 0.003
+
+    assert looker.look(THREE, spoil=risen) > 0
+
+
+def test_a_body_that_comes_to_touch_an_item_has_it_recognised_again() -> None:
+    looker = Looker()
+    apart = looker.look((*THREE, standing(BALL, 0.40, 0.15, 0.0, "green")))
+    looker = Looker()
+    touching = looker.look((*THREE, standing(BALL, 0.56, 0.15, 0.0, "green")))
+    assert 0 < apart < touching
 
 
 def test_a_fresh_look_recognises_everything() -> None:
