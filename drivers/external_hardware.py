@@ -31,6 +31,7 @@ from picktree.world import (
     NoFeed,
     NoImage,
     RgbdImage,
+    RobotStopped,
     SensorStamps,
     Wrench,
 )
@@ -63,10 +64,6 @@ STOPS: Final[Mapping[protocol.Stop, str]] = {
 _COUNT_AND_STAMP = struct.Struct("<QQ")
 
 
-class RobotStopped(PicktreeError):
-    """Stop that the robot's own side has made."""
-
-
 class Link:
     """Connection to a robot's process: a question and its answer at a time."""
 
@@ -79,6 +76,8 @@ class Link:
         except protocol.ProtocolError as error:
             raise PicktreeError(f"--robot-at: {error}") from None
         self._channel = self._connect()
+        self._lost = ""
+        """Reason for which the connection is over; empty: it is not."""
         shared = protocol.Wish.SHARED_MEMORY if self.address.loopback else protocol.Wish(0)
         answer = self.ask(protocol.Hello(shared, token))
         if not isinstance(answer, protocol.Welcome):
@@ -101,14 +100,19 @@ class Link:
             return protocol.Channel(connection)
 
     def ask(self, message: protocol.Message) -> protocol.Message:
-        """Send a message and return its answer. Raises PicktreeError when the robot refuses or is gone."""
+        """Send a message and return its answer. Raises RobotStopped when the robot refuses or is gone, and
+        from then on at once."""
+        if self._lost:
+            raise RobotStopped(self._lost)
         try:
             self._channel.send(message)
             answer = self._channel.receive()
         except protocol.ProtocolError as error:
-            raise PicktreeError(f"the robot at {self.address}: {error}") from None
+            self._lost = f"the robot at {self.address}: {error}"
+            raise RobotStopped(self._lost) from None
         if isinstance(answer, protocol.Refusal):
-            raise PicktreeError(f"the robot at {self.address} refuses: {answer.text}")
+            self._lost = f"the robot at {self.address} refuses: {answer.text}"
+            raise RobotStopped(self._lost)
         return answer
 
     def state(self, message: protocol.Message) -> protocol.State:
@@ -203,7 +207,10 @@ class ExternalCamera:
 
     def capture(self) -> RgbdImage:
         hardware, info = self._hardware, self._info
-        answer = hardware.link.ask(protocol.Capture(self._number))
+        try:
+            answer = hardware.link.ask(protocol.Capture(self._number))
+        except RobotStopped as error:
+            raise NoImage(str(error)) from None  # The next step ends the run.
         if not isinstance(answer, protocol.Picture) or answer.camera != self._number:
             raise PicktreeError(f"the robot at {hardware.link.address} gives no picture of {info.name}")
         if not answer.given:
@@ -336,7 +343,7 @@ class ExternalHardware:
     def step(self) -> None:
         """Send the command, let a period pass, and take the state at its end.
 
-        Raises RobotStopped when the robot has stopped by itself.
+        Raises RobotStopped when the robot has stopped by itself or is gone.
         """
         self._take(self.link.state(self._message(self.period)))
         self.grip = None

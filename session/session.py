@@ -33,7 +33,7 @@ from picktree.logs import (
 from picktree.robot.perception import hidden_shares
 from picktree.simulation import ItemScore, Score, TrueBody, score
 from picktree.trees import Mission
-from picktree.world import Stopwatch, Tick, event_types
+from picktree.world import RobotStopped, Stopwatch, Tick, event_types
 from picktree.world.scene import MAX_HIDDEN_SHARE
 
 from .believed_score import believed_count
@@ -89,10 +89,13 @@ class RunTimer:
         )
 
 
-def summarise(run: Execution, timer: RunTimer, status: RunStatus, digest: str, log: Path) -> RunResult:
+def summarise(
+    run: Execution, timer: RunTimer, status: RunStatus, digest: str, log: Path, reason: str = ""
+) -> RunResult:
     """Return the result of a run that has ended with `status`, scored against the ground truth.
 
-    A success that misses the goal becomes `incomplete`.
+    A success that misses the goal becomes `incomplete`. `reason`: the sentence on the end, where it is not
+    the tree's.
     """
     recipe, tally = run.recipe, run.tally
     scene, desk, now = recipe.scene, run.world.operator, run.world.clock.now
@@ -121,7 +124,7 @@ def summarise(run: Execution, timer: RunTimer, status: RunStatus, digest: str, l
         wall_seconds=timer.wall_seconds(),
         log=log.absolute(),
         folder=log.parent.absolute(),
-        message=question.reason if question else _message(run, status),
+        message=reason or (question.reason if question else _message(run, status)),
         thinking_charged=scene.thinking.collision_check > 0.0 and scene.thinking.image > 0.0,
         disagreements=run.disagreements if recipe.verify else None,
         holes=tuple(
@@ -240,9 +243,9 @@ class Session:
         """Run the mission to its end and return the result.
 
         The log is finished on every exit. An interrupt (SIGINT, SIGTERM) ends the run with the status
-        `interrupted`.
+        `interrupted`; a stop by the robot's own side ends it with `stopped`.
         """
-        execution, log = self.execution, self.folder / LOG_FILE_NAME
+        execution, log, reason = self.execution, self.folder / LOG_FILE_NAME, ""
         with (
             self._released_robot(),
             _without_old_garbage(),
@@ -257,6 +260,8 @@ class Session:
             except KeyboardInterrupt:
                 recorder.settle()
                 status = "interrupted"
+            except RobotStopped as stop:
+                status, reason = "stopped", str(stop)
             except PicktreeError as error:
                 if recorder.failed:
                     execution.come_to_rest()  # Nothing after this is recorded.
@@ -265,7 +270,7 @@ class Session:
                     ) from None
                 raise
             recorder.last()
-            result = summarise(execution, self.timer, status, recorder.digest, log)
+            result = summarise(execution, self.timer, status, recorder.digest, log, reason)
             recorder.finish(result)
         write_result(result, self.folder / RESULT_FILE_NAME)
         for observer in self._observers:

@@ -126,7 +126,8 @@ Answers: TypeAlias = Annotated[
 ]
 
 HELP_GROUPS: HelpGroups = {
-    "Mission and scene": ("scene", "robot", "seed", "set_", "faults", "backend", "robot_at", "verify"),
+    "Mission and scene": ("scene", "robot", "seed", "set_", "faults", "backend", "verify"),
+    "A robot in another process": ("robot_at",),
     "Time limit and log": ("limit", "out", "rotate_mb", "rotate_minutes"),
     "Watching and steering": ("debug", "watch", "live", "live_port", "pace", "answers", "wait"),
     "Resuming a run": ("resume", "as_it_stands"),

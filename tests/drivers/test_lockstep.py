@@ -12,12 +12,13 @@ from picktree.analysis.explain import explain, to_text
 from picktree.apps.commissioning import RobotTestResult, test_external_robot
 from picktree.drivers import ExternalHardware
 from picktree.files import PicktreeError
-from picktree.logs import RunLog
-from picktree.session import RunRequest, Session
+from picktree.logs import RunLog, RunResult
+from picktree.session import Observer, RunRequest, Session
+from picktree.world import Tick
 from picktree.world.robot_model import load_robot
 from picktree.world.scene import load_scene
 
-from .served_cell import served, write_cell
+from .served_cell import ServedCell, served, write_cell
 
 pytest.importorskip("mujoco")
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -52,6 +53,43 @@ def test_a_mission_sorts_all_items_in_another_engine(tmp_path: Path) -> None:
     with RunLog(result.log) as log:
         assert log.run.backend == "robot" and log.run.physics["engine"].startswith("MuJoCo")
         assert list(log.truths()) == []
+
+
+class Killer(Observer):
+    """Observer that kills the robot's process after some simulated time."""
+
+    def __init__(self, cell: ServedCell, at: float) -> None:
+        self._cell, self._at = cell, at
+
+    def ticked(self, now: float, report: Tick, items_done: int, items_total: int) -> None:
+        if now >= self._at:
+            self._cell.kill()
+
+
+def one_pick(cell: ServedCell, folder: Path, *observers: Observer) -> RunResult:
+    mission = EXAMPLES / "one_pick.yaml"
+    request = RunRequest(mission, scene="sort_small", out=folder / "runs", robot_at=cell.address)
+    return Session(request, observers=observers).run()
+
+
+def test_a_robot_that_is_gone_or_stops_by_itself_ends_the_run_with_a_result(tmp_path: Path) -> None:
+    """The log is sealed, the reason is told, and the mission's goal is not reached."""
+    file = write_cell(tmp_path)
+    with served(file) as cell:
+        gone = one_pick(cell, tmp_path, Killer(cell, 1.0))
+    file.write_text(json.dumps({**json.loads(file.read_text()), "force": 1.0}))
+    with served(file) as cell:
+        pushed = one_pick(cell, tmp_path)
+    reasons = ("connection", "s: the force at the wrist was too great")
+    for result, reason in zip((gone, pushed), reasons, strict=True):
+        assert (result.status, result.reached, result.as_believed) == ("stopped", False, True)
+        assert result.message.startswith(f"the robot at {cell.address}") and reason in result.message
+        assert result.to_text().startswith(f"stopped: the robot's own side ended the run: {result.message}")
+        assert json.loads((result.folder / "result.json").read_text())["status"] == "stopped"
+        with Run(result.log) as run:
+            told = to_text(run, explain(run), str(result.log))
+            assert run.result is not None and run.result.message == result.message
+        assert reason in " ".join(told.split())
 
 
 def test_a_robot_that_is_not_the_scenes_is_refused(tmp_path: Path) -> None:
