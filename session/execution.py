@@ -4,14 +4,14 @@ shows nothing; `Session` does.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import replace
 from typing import Any
 
 from picktree.files import PicktreeError
 from picktree.logs import RunStatus, log_records
 from picktree.logs.recording import RecordingState
-from picktree.recovery import ResyncReport, resync_belief
+from picktree.recovery import ResyncReport, last_look, resync_belief
 from picktree.robot import HandlingParameters, Vision, World
 from picktree.robot.control import ArmMotion, ControlLoop, GripperControl, SafetyMonitor
 from picktree.robot.manipulation import opening_force
@@ -244,6 +244,18 @@ class Execution:
             report = self._look_first() or self.tree.tick()
         for happened in self.stage.tick() if self.stage else ():
             self.world.journal.note(happened)
+        return self._reported(report)
+
+    def last_look(self) -> Generator[tuple[Tick, tuple[Entry, ...]]]:
+        """Let the fixed cameras of a robot look once more after the end of the tree: its score is what they
+        see. Yields what `tick` returns, for each tick."""
+        for _ in last_look(self.world):
+            yield self._reported(self.tree.look())
+            self.pass_time()
+        yield self._reported(self.tree.look())
+
+    def _reported(self, report: Tick) -> tuple[Tick, tuple[Entry, ...]]:
+        """Count what has happened in a tick, and return its report with its journal entries."""
         self.items_total = self._count_items()
         entries = self.world.journal.take()
         decisions = self.tally.take(self.world.clock.now, entries, self.tree.leaves, report.edges)

@@ -257,6 +257,7 @@ class Session:
                 status = self._loop(recorder)
                 if status in ("success", "failure", "timeout"):
                     execution.let_items_rest()
+                    self._look_last(recorder)
             except KeyboardInterrupt:
                 recorder.settle()
                 status = "interrupted"
@@ -307,6 +308,14 @@ class Session:
             execution.pass_time()
             with stopwatch.measure("logging"):
                 recorder.timing(self.timer.tick_timing(before, began, execution.tree.seconds()))
+
+    def _look_last(self, recorder: SessionRecorder) -> None:
+        """Look once more where there is no ground truth to score."""
+        if self.execution.stage is not None:
+            return
+        for report, entries in self.execution.last_look():
+            recorder.tick(report, entries)
+            self._show(report)
 
     def _show(self, report: Tick) -> None:
         execution = self.execution

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,8 +14,8 @@ from picktree.apps.commissioning import RobotTestResult, test_external_robot
 from picktree.drivers import ExternalHardware
 from picktree.files import PicktreeError
 from picktree.logs import RunLog, RunResult
-from picktree.session import Observer, RunRequest, Session
-from picktree.world import Tick
+from picktree.session import Execution, Observer, RunRequest, Session
+from picktree.world import Pose, Tick
 from picktree.world.robot_model import load_robot
 from picktree.world.scene import load_scene
 
@@ -90,6 +91,44 @@ def test_a_robot_that_is_gone_or_stops_by_itself_ends_the_run_with_a_result(tmp_
             told = to_text(run, explain(run), str(result.log))
             assert run.result is not None and run.result.message == result.message
         assert reason in " ".join(told.split())
+
+
+class Mistake(Observer):
+    """Observer that makes the robot believe that an item is in its bin."""
+
+    def started(self, run: Execution, folder: Path) -> None:
+        self._made = False
+        self._scene, self._bins = run.world.scene, run.recipe.scene.bins
+
+    def ticked(self, now: float, report: Tick, items_done: int, items_total: int) -> None:
+        scene = self._scene
+        if items_total and not self._made:
+            self._made = True
+            item = next(each for each in scene.objects if each.role == "item")
+            bin_id = scene.destination(item.id)
+            assert bin_id is not None
+            inside = next(each.pose for each in self._bins if each.id == bin_id)
+            pose = Pose((inside.position[0], inside.position[1], 0.05))
+            scene.put(replace(item, pose=pose, place=bin_id), "believed wrongly")
+
+
+def test_the_last_look_corrects_what_the_robot_believes(tmp_path: Path) -> None:
+    """An item that is believed in its bin, but lies on the table, is not counted as sorted."""
+    mission = tmp_path / "look.yaml"
+    mission.write_text(
+        "picktree: 1\nkind: mission\nname: look\ntrees:\n  Main:\n    Observe: {camera: overhead}\n"
+    )
+    with served(write_cell(tmp_path)) as cell:
+        request = RunRequest(mission, scene="sort_small", out=tmp_path / "runs", robot_at=cell.address)
+        result = Session(request, observers=[Mistake()]).run()
+    with RunLog(result.log) as log:
+        believed = [
+            sum(b.place != "table" for b in scene.record.bodies if b.role == "item")
+            for scene in log.beliefs()
+        ]
+    assert max(believed) == 1
+    assert (result.items.sorted, result.items.left) == (0, 4)
+    assert cell.score["sorted"] == 0
 
 
 def test_a_robot_that_is_not_the_scenes_is_refused(tmp_path: Path) -> None:
