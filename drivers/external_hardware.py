@@ -67,8 +67,11 @@ _COUNT_AND_STAMP = struct.Struct("<QQ")
 class Link:
     """Connection to a robot's process: a question and its answer at a time."""
 
-    def __init__(self, address: str) -> None:
-        """Connect and greet. Raises PicktreeError when nobody listens or the robot refuses."""
+    def __init__(self, address: str, speed: float = 1.0) -> None:
+        """Connect and greet; `speed`: share of the joints' speeds to which the robot is bound.
+
+        Raises PicktreeError when nobody listens or the robot refuses.
+        """
         try:
             self.address = protocol.Address.parse(address)
             token = os.environ.get(protocol.TOKEN_VARIABLE, "")
@@ -79,7 +82,7 @@ class Link:
         self._lost = ""
         """Reason for which the connection is over; empty: it is not."""
         shared = protocol.Wish.SHARED_MEMORY if self.address.loopback else protocol.Wish(0)
-        answer = self.ask(protocol.Hello(shared, token))
+        answer = self.ask(protocol.Hello(shared, token, speed))
         if not isinstance(answer, protocol.Welcome):
             raise self._unexpected(answer)
         self.robot = answer
@@ -253,14 +256,23 @@ def _attach(name: str) -> shared_memory.SharedMemory:
 class ExternalHardware:
     """`protocols.Hardware` of a robot in another process, in lockstep.
 
-    Raises PicktreeError for a robot that is not the scene's: other joints, cameras that are missing.
+    Raises PicktreeError for a robot that is not the scene's: other joints, cameras that are missing; and for
+    one that does not keep to the speed.
     """
 
-    def __init__(self, scene: SceneDescription, robot: RobotDescription, address: str) -> None:
-        self.link = Link(address)
+    def __init__(
+        self, scene: SceneDescription, robot: RobotDescription, address: str, speed: float = 1.0
+    ) -> None:
+        """Connect; `speed`: share of the joints' speeds beyond which the robot stops."""
+        self.link = Link(address, speed)
         told = self.link.robot
         try:
             self._check(told, scene, robot)
+            if told.speed > speed:
+                raise PicktreeError(
+                    f"the robot at {self.link.address} moves at {100 * told.speed:g} % of its speeds, not at "
+                    f"{100 * speed:g} %"
+                )
         except PicktreeError:
             self.link.close()
             raise
@@ -338,6 +350,7 @@ class ExternalHardware:
             "protocol": str(protocol.VERSION),
             "capabilities": ", ".join(str(each.name).lower() for each in told.capabilities),
             "period": f"{EVERYDAY_PERIOD} s",
+            **({} if told.speed == 1.0 else {"speed": f"{100 * told.speed:g} %"}),
         }
 
     def step(self) -> None:

@@ -153,10 +153,21 @@ def _build(recipe: Recipe) -> tuple[Hardware, Simulation | None]:
 
         if recipe.faults is not None:
             raise PicktreeError("faults are injected into a simulation; a robot has its own")
-        return ExternalHardware(recipe.scene, recipe.robot, recipe.robot_at), None
+        return ExternalHardware(recipe.scene, recipe.robot, recipe.robot_at, recipe.speed), None
     start = recipe.start.state.simulation if recipe.start else None
     simulation = build_hardware(recipe.backend, recipe.scene, recipe.robot, recipe.seed, start)
     return simulation, simulation
+
+
+def _slowed(robot: RobotDescription, share: float) -> RobotDescription:
+    """Return the robot with a share of its speeds and accelerations as limits: no motion exceeds them."""
+    if share == 1.0:
+        return robot
+    limits = (
+        replace(each, velocity=share * each.velocity, acceleration=share * each.acceleration)
+        for each in robot.limits
+    )
+    return replace(robot, limits=tuple(limits))
 
 
 _MAX_BRAKING_TICKS = 40
@@ -198,7 +209,7 @@ class Execution:
             self.world = assemble_world(
                 self.hardware,
                 recipe.scene,
-                recipe.robot,
+                _slowed(recipe.robot, recipe.speed),
                 recipe.seed,
                 verify=recipe.verify,
                 planning_worker=planning_worker,

@@ -6,6 +6,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from picktree.analysis import Run
@@ -67,9 +68,9 @@ class Killer(Observer):
             self._cell.kill()
 
 
-def one_pick(cell: ServedCell, folder: Path, *observers: Observer) -> RunResult:
+def one_pick(cell: ServedCell, folder: Path, *observers: Observer, speed: float = 1.0) -> RunResult:
     mission = EXAMPLES / "one_pick.yaml"
-    request = RunRequest(mission, scene="sort_small", out=folder / "runs", robot_at=cell.address)
+    request = RunRequest(mission, scene="sort_small", out=folder / "runs", robot_at=cell.address, speed=speed)
     return Session(request, observers=observers).run()
 
 
@@ -77,7 +78,7 @@ def test_a_robot_that_is_gone_or_stops_by_itself_ends_the_run_with_a_result(tmp_
     """The log is sealed, the reason is told, and the mission's goal is not reached."""
     file = write_cell(tmp_path)
     with served(file) as cell:
-        gone = one_pick(cell, tmp_path, Killer(cell, 1.0))
+        gone = one_pick(cell, tmp_path, Killer(cell, 1.0), speed=0.1)
     file.write_text(json.dumps({**json.loads(file.read_text()), "force": 1.0}))
     with served(file) as cell:
         pushed = one_pick(cell, tmp_path)
@@ -91,6 +92,12 @@ def test_a_robot_that_is_gone_or_stops_by_itself_ends_the_run_with_a_result(tmp_
             told = to_text(run, explain(run), str(result.log))
             assert run.result is not None and run.result.message == result.message
         assert reason in " ".join(told.split())
+
+    limits = np.array([limit.velocity for limit in load_robot("panda", tmp_path).limits])
+    with RunLog(gone.log) as log:
+        assert log.run.physics["speed"] == "10 %"
+        fastest = max(float((np.abs(each.record.velocity[:7]) / limits).max()) for each in log.joints())
+    assert 0.03 < fastest < 0.105  # the bound of `--speed`
 
 
 class Mistake(Observer):
