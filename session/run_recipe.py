@@ -319,6 +319,8 @@ class RunRequest:
     """Address of the robot's process, see `drivers`; empty: a simulation."""
     speed: float = 1.0
     """Share of the joints' speeds and accelerations that a robot may use."""
+    confirm: bool = False
+    """Ask the interrupters before each motion of the arm, as for help; without their yes the run ends."""
 
 
 def read_recipe(request: RunRequest, mission: Mission | None = None) -> Recipe:

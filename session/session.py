@@ -30,6 +30,7 @@ from picktree.logs import (
     log_files,
     log_records,
 )
+from picktree.robot import operator_desk
 from picktree.robot.perception import hidden_shares
 from picktree.simulation import ItemScore, Score, TrueBody, score
 from picktree.trees import Mission
@@ -191,6 +192,8 @@ def _at_hole(body: TrueBody, item: ItemScore) -> HoleItem:
 
 
 RESULT_FILE_NAME = "result.json"
+MOVE = "move", "end the run"
+"""Answers to the question before a motion."""
 
 
 class Session:
@@ -218,6 +221,7 @@ class Session:
         self._observers: list[Observer] = list(observers)
         self._owns_hardware = not isinstance(recipe, Execution)
         self.timer = RunTimer(recipe.stopwatch if isinstance(recipe, Execution) else None)
+        confirm = isinstance(recipe, RunRequest) and recipe.confirm
         if isinstance(recipe, RunRequest):
             record = record or Recording(recipe.out, recipe.rotation)
             if recipe.watch:
@@ -233,6 +237,8 @@ class Session:
             recipe = Execution(recipe, stopwatch=self.timer.stopwatch, planning_worker=planning_worker)
         self.execution = recipe
         self._interrupters = [each for each in self._observers if isinstance(each, Interrupter)]
+        if confirm:
+            recipe.world.control.confirm = self._confirm
         record = record or Recording()
         self._rotation = record.rotation or (
             log_files.FEED_ROTATION if recipe.recipe.scene.deliveries else log_files.NO_ROTATION
@@ -258,9 +264,9 @@ class Session:
                 if status in ("success", "failure", "timeout"):
                     execution.let_items_rest()
                     self._look_last(recorder)
-            except KeyboardInterrupt:
+            except KeyboardInterrupt as end:
                 recorder.settle()
-                status = "interrupted"
+                status, reason = "interrupted", str(end)
             except RobotStopped as stop:
                 status, reason = "stopped", str(stop)
             except PicktreeError as error:
@@ -355,6 +361,16 @@ class Session:
     def _note_checkpoint(self) -> None:
         done = self.execution.tally.done
         self.execution.world.journal.note(event_types.CheckpointEvent(f"after {done} items", items_done=done))
+
+    def _confirm(self, owner: str, motion: str) -> None:
+        """Ask whether the arm may make a motion. Raises KeyboardInterrupt without a yes; no node may turn a
+        no into a failure and go on."""
+        situation = f"the arm is at rest or on its way, and {owner or 'the mission'} wants to move it"
+        question = operator_desk.OperatorQuestion(owner, f"may the arm move? {motion}", MOVE, "", situation)
+        answers = (operator.answer(question) for operator in self._interrupters)
+        answer = next((each for each in answers if each is not None), "no answer")
+        if answer != MOVE[0]:
+            raise KeyboardInterrupt(f"a motion of {owner or 'the mission'} was not confirmed: {answer}")
 
     def _follow_edits(self, recorder: SessionRecorder) -> None:
         execution = self.execution

@@ -127,6 +127,13 @@ Speed: TypeAlias = Annotated[
         help="With --robot-at: share of the joints' speeds, as 10%. The robot's side stops beyond it.",
     ),
 ]
+Confirm: TypeAlias = Annotated[
+    bool,
+    typer.Option(
+        "--confirm",
+        help="With --robot-at: ask before each motion of the arm, here or in `picktree attach`.",
+    ),
+]
 Answers: TypeAlias = Annotated[
     list[str] | None,
     typer.Option("--answer", metavar="TEXT", help="Answer when the mission asks for help."),
@@ -134,7 +141,7 @@ Answers: TypeAlias = Annotated[
 
 HELP_GROUPS: HelpGroups = {
     "Mission and scene": ("scene", "robot", "seed", "set_", "faults", "backend", "verify"),
-    "A robot in another process": ("robot_at", "speed"),
+    "A robot in another process": ("robot_at", "speed", "confirm"),
     "Time limit and log": ("limit", "out", "rotate_mb", "rotate_minutes"),
     "Watching and steering": ("debug", "watch", "live", "live_port", "pace", "answers", "wait"),
     "Resuming a run": ("resume", "as_it_stands"),
@@ -154,6 +161,7 @@ def run(
     backend: Backend = "physics",
     robot_at: RobotAt = "",
     speed: Speed = "100%",
+    confirm: Confirm = False,
     verify: Verify = False,
     debug: Debug = False,
     watch: Watch = False,
@@ -200,6 +208,7 @@ def run(
             rotation=rotation,
             robot_at=robot_at,
             speed=parse_share(speed),
+            confirm=confirm,
             **({} if seconds is None else {"limit": seconds}),
         )
         assembly = _new_run(request, answers or ())
@@ -311,8 +320,8 @@ class _Watchers:
 _PROFILED_FUNCTIONS = 20
 """Number of functions in each table of a profile."""
 _RECORDED_OPTIONS = (
-    "mission", "scene", "robot", "seed", "set_", "faults", "backend", "robot_at", "speed", "verify",
-    "watch",
+    "mission", "scene", "robot", "seed", "set_", "faults", "backend", "robot_at", "speed", "confirm",
+    "verify", "watch",
 )  # fmt: skip
 """Parameters that are invalid with --resume, because the log has them."""
 
@@ -326,7 +335,7 @@ def refuse_contradictions(context: typer.Context) -> None:
     if context.params["robot_at"] and given is not None and given.name == "COMMANDLINE":
         raise PicktreeError("--robot-at and --backend exclude each other: a robot is no simulation")
     if not context.params["robot_at"]:
-        for name in ("speed",):
+        for name in ("speed", "confirm"):
             source = context.get_parameter_source(name)
             if source is not None and source.name == "COMMANDLINE":
                 raise PicktreeError(f"--{name} is for a robot: give --robot-at ADDRESS, too")

@@ -69,6 +69,7 @@ def test_request_carries_every_option(stage: Any) -> None:
             "rotation": Rotation(2_000_000, 90.0),
             "robot_at": "",
             "speed": 1.0,
+            "confirm": False,
         }
     ]
 

@@ -15,7 +15,7 @@ from picktree.apps.commissioning import RobotTestResult, test_external_robot
 from picktree.drivers import ExternalHardware
 from picktree.files import PicktreeError
 from picktree.logs import RunLog, RunResult
-from picktree.session import Execution, Observer, RunRequest, Session
+from picktree.session import Execution, Observer, PresetAnswers, RunRequest, Session
 from picktree.world import Pose, Tick
 from picktree.world.robot_model import load_robot
 from picktree.world.scene import load_scene
@@ -98,6 +98,21 @@ def test_a_robot_that_is_gone_or_stops_by_itself_ends_the_run_with_a_result(tmp_
         assert log.run.physics["speed"] == "10 %"
         fastest = max(float((np.abs(each.record.velocity[:7]) / limits).max()) for each in log.joints())
     assert 0.03 < fastest < 0.105  # the bound of `--speed`
+
+
+def test_each_motion_is_confirmed_and_a_no_ends_the_run(tmp_path: Path) -> None:
+    """The arm stands still until the answer, and no recovery goes around a no."""
+    with served(write_cell(tmp_path)) as cell:
+        mission = EXAMPLES / "one_pick.yaml"
+        at = tmp_path / "runs"
+        request = RunRequest(mission, scene="sort_small", out=at, robot_at=cell.address, confirm=True)
+        result = Session(request, observers=[PresetAnswers(["move", "end the run"])]).run()
+    assert result.status == "interrupted" and result.picks.tried == 0
+    assert "/Pick" in result.message or "Grasp" in result.message
+    assert result.message.endswith("was not confirmed: end the run")
+    with RunLog(result.log) as log:
+        moved = {each.record.controller for each in log.controls()}
+    assert moved == {"Hold", "Track"}
 
 
 class Mistake(Observer):
