@@ -6,6 +6,7 @@ the robot side follows by itself when a command is late.
 
 from __future__ import annotations
 
+import math
 import os
 import struct
 import time
@@ -39,6 +40,7 @@ from picktree.world.robot_model import RobotDescription, RobotModel
 from picktree.world.scene import CameraDescription, SceneDescription
 
 from . import protocol
+from .measurement import RobotMeasurement
 
 EVERYDAY_PERIOD: Final = 0.005
 """Control period outside of contacts, s: a tick has whole periods."""
@@ -168,13 +170,19 @@ class ExternalGripper:
     def __init__(self, hardware: ExternalHardware) -> None:
         self._hardware = hardware
         self._last: GripperCommand | None = None
+        self._since = -math.inf
+        measured = hardware.measured
+        self._start = (measured.gripper_start or 0.0) if measured else 0.0
 
     def read(self) -> GripperState:
-        return self._hardware.fingers
+        """Return the state; fingers are busy for their measured start after a command, whatever they tell."""
+        state = self._hardware.fingers
+        waits = self._hardware.clock.now - self._since < self._start
+        return replace(state, busy=True) if waits and not state.busy else state
 
     def command(self, command: GripperCommand) -> None:
         if command != self._last:
-            self._last = command
+            self._last, self._since = command, self._hardware.clock.now
             self._hardware.grip = protocol.GripCommand(command.width, command.force, command.speed or 0.0)
 
 
@@ -261,9 +269,17 @@ class ExternalHardware:
     """
 
     def __init__(
-        self, scene: SceneDescription, robot: RobotDescription, address: str, speed: float = 1.0
+        self,
+        scene: SceneDescription,
+        robot: RobotDescription,
+        address: str,
+        speed: float = 1.0,
+        measured: RobotMeasurement | None = None,
     ) -> None:
-        """Connect; `speed`: share of the joints' speeds beyond which the robot stops."""
+        """Connect; `speed`: share of the joints' speeds beyond which the robot stops.
+
+        `measured`: measurement of the robot. That of another engine is not used.
+        """
         self.link = Link(address, speed)
         told = self.link.robot
         try:
@@ -272,6 +288,14 @@ class ExternalHardware:
                 raise PicktreeError(
                     f"the robot at {self.link.address} moves at {100 * told.speed:g} % of its speeds, not at "
                     f"{100 * speed:g} %"
+                )
+            fits = measured is not None and (measured.robot, measured.engine) == (told.robot, told.engine)
+            self.measured = measured if fits else None
+            """Measurement of this robot; None: it was not tested."""
+            if self.measured is not None and self.measured.refused:
+                raise PicktreeError(
+                    f"the robot at {self.link.address} failed its test: {'; '.join(self.measured.refused)}; "
+                    "mend it and repeat `picktree robot test --robot-at`"
                 )
         except PicktreeError:
             self.link.close()
@@ -316,9 +340,12 @@ class ExternalHardware:
 
     @property
     def latency(self) -> float:
-        """Age of the joint reading, and of the command that was in force, s."""
+        """Age of the joint reading, and of the command that was in force, s; the measured one where these
+        are not told truly."""
         age = self.state.time - self.state.stamps[0]
-        return age + max(0, self._sequence - self.state.command) * self.period
+        told = age + max(0, self._sequence - self.state.command) * self.period
+        measured = self.measured
+        return told if measured is None or measured.honest else max(told, measured.latency)
 
     @property
     def preview(self) -> tuple[float, ...]:
@@ -350,6 +377,7 @@ class ExternalHardware:
             "protocol": str(protocol.VERSION),
             "capabilities": ", ".join(str(each.name).lower() for each in told.capabilities),
             "period": f"{EVERYDAY_PERIOD} s",
+            **({} if self.measured is None else {"measured": repr(self.measured)}),
             **({} if told.speed == 1.0 else {"speed": f"{100 * told.speed:g} %"}),
         }
 

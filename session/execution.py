@@ -143,20 +143,25 @@ def assemble_world(
     )
 
 
-def _build(recipe: Recipe) -> tuple[Hardware, Simulation | None]:
-    """Return the hardware of a recipe, and the same as a simulation; None when it is a robot.
+def _build(recipe: Recipe) -> tuple[Hardware, Simulation | None, float | None]:
+    """Return the hardware of a recipe, the same as a simulation, and the measured noise of its wrist, N.
+
+    A robot is no simulation: None; without a measurement the noise is None.
 
     Raises PicktreeError for a robot that cannot be reached or does not fit, and for faults beside one.
     """
     if recipe.robot_at:
-        from picktree.drivers import ExternalHardware
+        from picktree.drivers import ExternalHardware, measurement_path, read_measurement
 
         if recipe.faults is not None:
             raise PicktreeError("faults are injected into a simulation; a robot has its own")
-        return ExternalHardware(recipe.scene, recipe.robot, recipe.robot_at, recipe.speed), None
+        measured = read_measurement(measurement_path(recipe.robot))
+        robot = ExternalHardware(recipe.scene, recipe.robot, recipe.robot_at, recipe.speed, measured)
+        noise = robot.measured.wrench_noise if robot.measured else None
+        return robot, None, noise
     start = recipe.start.state.simulation if recipe.start else None
     simulation = build_hardware(recipe.backend, recipe.scene, recipe.robot, recipe.seed, start)
-    return simulation, simulation
+    return simulation, simulation, None
 
 
 def _slowed(robot: RobotDescription, share: float) -> RobotDescription:
@@ -205,7 +210,7 @@ class Execution:
         start = recipe.start
         if after is None:
             self.stopwatch = stopwatch or Stopwatch()
-            self.hardware, simulation = _build(recipe)
+            self.hardware, simulation, noise = _build(recipe)
             self.world = assemble_world(
                 self.hardware,
                 recipe.scene,
@@ -215,6 +220,8 @@ class Execution:
                 planning_worker=planning_worker,
                 stopwatch=self.stopwatch,
             )
+            if noise is not None:
+                self.world.control.wrist.least_noise = noise
         else:
             self.stopwatch, self.hardware, self.world = after.stopwatch, after.hardware, after.world
             simulation = after.stage.simulation if after.stage else None

@@ -45,7 +45,9 @@ def served(cell: Path, *options: str, **faults: float) -> Iterator[ServedCell]:
     address, score = folder / "cell.sock", folder / "score.json"
     command = [sys.executable, "-m", "picktree_cell", str(cell), "--at", str(address), "--clients", "1"]
     command += ["--faults", str(folder / "faults.json"), "--score", str(score), *options]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=Path(__file__).parents[2]
+    )
     found = ServedCell(str(address), {}, process)
     try:
         assert process.stdout is not None

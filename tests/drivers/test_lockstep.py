@@ -12,11 +12,11 @@ import pytest
 from picktree.analysis import Run
 from picktree.analysis.explain import explain, to_text
 from picktree.apps.commissioning import RobotTestResult, test_external_robot
-from picktree.drivers import ExternalHardware
+from picktree.drivers import ExternalHardware, measurement_path, protocol, read_measurement
 from picktree.files import PicktreeError
 from picktree.logs import RunLog, RunResult
 from picktree.session import Execution, Observer, PresetAnswers, RunRequest, Session
-from picktree.world import Pose, Tick
+from picktree.world import GripperCommand, Pose, Tick
 from picktree.world.robot_model import load_robot
 from picktree.world.scene import load_scene
 
@@ -178,12 +178,18 @@ def test_where_nobody_listens_is_said(tmp_path: Path, monkeypatch: pytest.Monkey
     )
 
 
-def test_the_robot_is_tested_before_the_first_mission(tmp_path: Path) -> None:
+def test_the_robot_is_tested_before_the_first_mission(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A sound cell passes; a hand of another mass, and late fingers, are named with the measured value."""
-    cell = write_cell(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    cell, robot = write_cell(tmp_path), load_robot("panda", tmp_path)
     with served(cell) as one:
         sound = external_robot_verdicts(one.address)
     assert sound.good, sound.to_text()
+    found = read_measurement(tmp_path / "panda.measured.json")
+    assert found is not None and found.engine.startswith("MuJoCo") and found.refused == ()
+    assert found.wrench_noise == pytest.approx(0.05, rel=0.3)  # the cell's own
     with served(cell, hand_mass_error=0.3, gripper_latency=0.4) as other:
         verdicts = external_robot_verdicts(other.address)
     failed = {verdict.name: verdict for verdict in verdicts.verdicts if not verdict.good}
@@ -192,6 +198,41 @@ def test_the_robot_is_tested_before_the_first_mission(tmp_path: Path) -> None:
     kilograms = float(weight.measured.removesuffix(" kg, by the model 1.010 kg"))
     assert kilograms == pytest.approx(1.25, abs=0.01)  # the plant's own
     assert weight.change.startswith(f"enter {kilograms:.3f} kg for the hand in the robot file")
+    late = read_measurement(measurement_path(robot))
+    assert late is not None and late.gripper_start == pytest.approx(0.41, abs=0.02)
+    scene = load_scene("sort_small", tmp_path)
+    with served(cell) as another:
+        hardware = ExternalHardware(scene, robot, another.address, measured=late)
+        hardware.gripper.command(GripperCommand(0.08, 20.0))  # it is open: nothing moves
+        busy = [hardware.gripper.read().busy]
+        for _ in range(100):
+            hardware.step()
+            busy.append(hardware.gripper.read().busy)
+        hardware.close()
+    assert 80 < busy.count(True) < 86 and not busy[-1]
+
+
+def test_a_robot_with_wrong_signs_gets_no_mission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The test finds the sign by the hand's weight, and the run refuses by the file of the test."""
+    monkeypatch.chdir(tmp_path)
+    take = ExternalHardware._take
+
+    def turned(self: ExternalHardware, state: protocol.State) -> None:
+        take(self, replace(state, wrench=tuple(-each for each in state.wrench)))
+
+    cell = write_cell(tmp_path)
+    with served(cell) as one, monkeypatch.context() as patch:
+        patch.setattr(ExternalHardware, "_take", turned)
+        assert not external_robot_verdicts(one.address).good
+    with served(cell) as other, pytest.raises(PicktreeError) as raised:
+        one_pick(other, tmp_path)
+    assert str(raised.value) == (
+        f"the robot at {other.address} failed its test: the force has the wrong sign: send what hand and "
+        "load exert on the wrist; mend it and repeat `picktree robot test --robot-at`"
+    )
+    (tmp_path / "panda.measured.json").write_text('{"robot": "panda"}')
+    with pytest.raises(PicktreeError, match=r"panda\.measured\.json: engine: Field required"):
+        one_pick(other, tmp_path)
 
 
 def external_robot_verdicts(address: str) -> RobotTestResult:
