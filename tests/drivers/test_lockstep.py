@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -223,6 +224,10 @@ def test_a_robot_with_wrong_signs_gets_no_mission(tmp_path: Path, monkeypatch: p
     cell = write_cell(tmp_path)
     with served(cell) as one, monkeypatch.context() as patch:
         patch.setattr(ExternalHardware, "_take", turned)
+        module = sys.modules[test_external_robot.__module__]
+        patch.setattr(module, "_small_motions", module._effort)  # these do not judge the wrist
+        patch.setattr(module, "_latencies", lambda bench: ())
+        patch.setattr(module, "_gripper", lambda bench: ())
         assert not external_robot_verdicts(one.address).good
     with served(cell) as other, pytest.raises(PicktreeError) as raised:
         one_pick(other, tmp_path)
