@@ -6,6 +6,7 @@ the robot side follows by itself when a command is late.
 
 from __future__ import annotations
 
+import math
 import os
 import struct
 import time
@@ -31,6 +32,7 @@ from picktree.world import (
     NoFeed,
     NoImage,
     RgbdImage,
+    RobotStopped,
     SensorStamps,
     Wrench,
 )
@@ -38,6 +40,7 @@ from picktree.world.robot_model import RobotDescription, RobotModel
 from picktree.world.scene import CameraDescription, SceneDescription
 
 from . import protocol
+from .measurement import RobotMeasurement
 
 EVERYDAY_PERIOD: Final = 0.005
 """Control period outside of contacts, s: a tick has whole periods."""
@@ -63,15 +66,14 @@ STOPS: Final[Mapping[protocol.Stop, str]] = {
 _COUNT_AND_STAMP = struct.Struct("<QQ")
 
 
-class RobotStopped(PicktreeError):
-    """Stop that the robot's own side has made."""
-
-
 class Link:
     """Connection to a robot's process: a question and its answer at a time."""
 
-    def __init__(self, address: str) -> None:
-        """Connect and greet. Raises PicktreeError when nobody listens or the robot refuses."""
+    def __init__(self, address: str, speed: float = 1.0) -> None:
+        """Connect and greet; `speed`: share of the joints' speeds to which the robot is bound.
+
+        Raises PicktreeError when nobody listens or the robot refuses.
+        """
         try:
             self.address = protocol.Address.parse(address)
             token = os.environ.get(protocol.TOKEN_VARIABLE, "")
@@ -79,8 +81,10 @@ class Link:
         except protocol.ProtocolError as error:
             raise PicktreeError(f"--robot-at: {error}") from None
         self._channel = self._connect()
+        self._lost = ""
+        """Reason for which the connection is over; empty: it is not."""
         shared = protocol.Wish.SHARED_MEMORY if self.address.loopback else protocol.Wish(0)
-        answer = self.ask(protocol.Hello(shared, token))
+        answer = self.ask(protocol.Hello(shared, token, speed))
         if not isinstance(answer, protocol.Welcome):
             raise self._unexpected(answer)
         self.robot = answer
@@ -101,14 +105,19 @@ class Link:
             return protocol.Channel(connection)
 
     def ask(self, message: protocol.Message) -> protocol.Message:
-        """Send a message and return its answer. Raises PicktreeError when the robot refuses or is gone."""
+        """Send a message and return its answer. Raises RobotStopped when the robot refuses or is gone, and
+        from then on at once."""
+        if self._lost:
+            raise RobotStopped(self._lost)
         try:
             self._channel.send(message)
             answer = self._channel.receive()
         except protocol.ProtocolError as error:
-            raise PicktreeError(f"the robot at {self.address}: {error}") from None
+            self._lost = f"the robot at {self.address}: {error}"
+            raise RobotStopped(self._lost) from None
         if isinstance(answer, protocol.Refusal):
-            raise PicktreeError(f"the robot at {self.address} refuses: {answer.text}")
+            self._lost = f"the robot at {self.address} refuses: {answer.text}"
+            raise RobotStopped(self._lost)
         return answer
 
     def state(self, message: protocol.Message) -> protocol.State:
@@ -161,13 +170,19 @@ class ExternalGripper:
     def __init__(self, hardware: ExternalHardware) -> None:
         self._hardware = hardware
         self._last: GripperCommand | None = None
+        self._since = -math.inf
+        measured = hardware.measured
+        self._start = (measured.gripper_start or 0.0) if measured else 0.0
 
     def read(self) -> GripperState:
-        return self._hardware.fingers
+        """Return the state; fingers are busy for their measured start after a command, whatever they tell."""
+        state = self._hardware.fingers
+        waits = self._hardware.clock.now - self._since < self._start
+        return replace(state, busy=True) if waits and not state.busy else state
 
     def command(self, command: GripperCommand) -> None:
         if command != self._last:
-            self._last = command
+            self._last, self._since = command, self._hardware.clock.now
             self._hardware.grip = protocol.GripCommand(command.width, command.force, command.speed or 0.0)
 
 
@@ -203,7 +218,10 @@ class ExternalCamera:
 
     def capture(self) -> RgbdImage:
         hardware, info = self._hardware, self._info
-        answer = hardware.link.ask(protocol.Capture(self._number))
+        try:
+            answer = hardware.link.ask(protocol.Capture(self._number))
+        except RobotStopped as error:
+            raise NoImage(str(error)) from None  # The next step ends the run.
         if not isinstance(answer, protocol.Picture) or answer.camera != self._number:
             raise PicktreeError(f"the robot at {hardware.link.address} gives no picture of {info.name}")
         if not answer.given:
@@ -246,14 +264,39 @@ def _attach(name: str) -> shared_memory.SharedMemory:
 class ExternalHardware:
     """`protocols.Hardware` of a robot in another process, in lockstep.
 
-    Raises PicktreeError for a robot that is not the scene's: other joints, cameras that are missing.
+    Raises PicktreeError for a robot that is not the scene's: other joints, cameras that are missing; and for
+    one that does not keep to the speed.
     """
 
-    def __init__(self, scene: SceneDescription, robot: RobotDescription, address: str) -> None:
-        self.link = Link(address)
+    def __init__(
+        self,
+        scene: SceneDescription,
+        robot: RobotDescription,
+        address: str,
+        speed: float = 1.0,
+        measured: RobotMeasurement | None = None,
+    ) -> None:
+        """Connect; `speed`: share of the joints' speeds beyond which the robot stops.
+
+        `measured`: measurement of the robot. That of another engine is not used.
+        """
+        self.link = Link(address, speed)
         told = self.link.robot
         try:
             self._check(told, scene, robot)
+            if told.speed > speed:
+                raise PicktreeError(
+                    f"the robot at {self.link.address} moves at {100 * told.speed:g} % of its speeds, not at "
+                    f"{100 * speed:g} %"
+                )
+            fits = measured is not None and (measured.robot, measured.engine) == (told.robot, told.engine)
+            self.measured = measured if fits else None
+            """Measurement of this robot; None: it was not tested."""
+            if self.measured is not None and self.measured.refused:
+                raise PicktreeError(
+                    f"the robot at {self.link.address} failed its test: {'; '.join(self.measured.refused)}; "
+                    "mend it and repeat `picktree robot test --robot-at`"
+                )
         except PicktreeError:
             self.link.close()
             raise
@@ -297,9 +340,12 @@ class ExternalHardware:
 
     @property
     def latency(self) -> float:
-        """Age of the joint reading, and of the command that was in force, s."""
+        """Age of the joint reading, and of the command that was in force, s; the measured one where these
+        are not told truly."""
         age = self.state.time - self.state.stamps[0]
-        return age + max(0, self._sequence - self.state.command) * self.period
+        told = age + max(0, self._sequence - self.state.command) * self.period
+        measured = self.measured
+        return told if measured is None or measured.honest else max(told, measured.latency)
 
     @property
     def preview(self) -> tuple[float, ...]:
@@ -331,12 +377,14 @@ class ExternalHardware:
             "protocol": str(protocol.VERSION),
             "capabilities": ", ".join(str(each.name).lower() for each in told.capabilities),
             "period": f"{EVERYDAY_PERIOD} s",
+            **({} if self.measured is None else {"measured": repr(self.measured)}),
+            **({} if told.speed == 1.0 else {"speed": f"{100 * told.speed:g} %"}),
         }
 
     def step(self) -> None:
         """Send the command, let a period pass, and take the state at its end.
 
-        Raises RobotStopped when the robot has stopped by itself.
+        Raises RobotStopped when the robot has stopped by itself or is gone.
         """
         self._take(self.link.state(self._message(self.period)))
         self.grip = None

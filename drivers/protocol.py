@@ -10,12 +10,13 @@ text has 64 bytes of UTF-8, filled with zeros. `f64[n]` has a value for each joi
 picktree connects and sends HELLO; the robot answers WELCOME, or REFUSAL and closes. Then picktree sends a
 message and waits for its answer:
 
-    1 HELLO     wishes u32 (`Wish`), token text
+    1 HELLO     wishes u32 (`Wish`), token text, speed f64 (share of the joints' speeds, above 0 and at most
+                1: the robot stops when it is told more, until the client leaves)
     2 WELCOME   robot text, engine text, capabilities u32 (`Capability`), period u32 (of the robot's servo),
                 silence u32 (time without a command after which the robot brakes), joints u8, cameras u8, 0
                 u16, workspace f64[6] (smallest x, y, z, greatest x, y, z of the TCP in the world), force
                 f64 (contact force at the wrist at which the robot stops), gripper f64[3] (greatest opening,
-                m; greatest force of a finger, N; speed of a finger, m/s);
+                m; greatest force of a finger, N; speed of a finger, m/s), speed f64 (the share in force);
                 for each joint: name text, lower, upper, velocity, torque f64;
                 for each camera: name text, segment text, width u32, height u32, fx, fy, cx, cy f64
     3 COMMAND   sequence u64, advance u32 (lockstep: time that passes with this command), mode u8 (`Mode`),
@@ -70,7 +71,7 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-VERSION: Final = 1
+VERSION: Final = 2
 """Version of the protocol. Peers of different versions refuse each other."""
 MAGIC: Final = b"PTRB"
 TEXT_LENGTH: Final = 64
@@ -87,8 +88,8 @@ TOKEN_VARIABLE: Final = "PICKTREE_ROBOT_TOKEN"
 """Environment variable with the token of a connection that is not on the loopback."""
 
 _HEADER = struct.Struct("<4sHHI")
-_HELLO = struct.Struct("<I64s")
-_WELCOME = struct.Struct("<64s64sIIIBBH6dd3d")
+_HELLO = struct.Struct("<I64sd")
+_WELCOME = struct.Struct("<64s64sIIIBBH6dd3dd")
 _JOINT = struct.Struct("<64s4d")
 _CAMERA = struct.Struct("<64s64sII4d")
 _COMMAND = struct.Struct("<QIBBBB3d")
@@ -189,6 +190,8 @@ class Hello:
 
     wishes: Wish = Wish.SHARED_MEMORY
     token: str = ""
+    speed: float = 1.0
+    """Share of the joints' speeds that the robot allows this client."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -241,6 +244,8 @@ class Welcome:
     """Greatest opening, m, greatest force, N, and speed of a finger, m/s."""
     joints: tuple[Joint, ...]
     cameras: tuple[CameraInfo, ...] = ()
+    speed: float = 1.0
+    """Share of the joints' speeds that is in force."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -351,8 +356,8 @@ def encode(message: Message) -> bytes:
 
 def _encoded(message: Message) -> tuple[Kind, bytes]:
     match message:
-        case Hello(wishes, token):
-            return Kind.HELLO, _HELLO.pack(wishes, _to_text(token))
+        case Hello(wishes, token, speed):
+            return Kind.HELLO, _HELLO.pack(wishes, _to_text(token), speed)
         case Welcome():
             return Kind.WELCOME, _encoded_welcome(message)
         case Command():
@@ -387,6 +392,7 @@ def _encoded_welcome(m: Welcome) -> bytes:
             *m.workspace,
             m.force,
             *m.gripper,
+            m.speed,
         )
     ]
     parts += [_JOINT.pack(_to_text(j.name), j.lower, j.upper, j.velocity, j.torque) for j in m.joints]
@@ -466,8 +472,10 @@ def decode(kind: int, payload: bytes) -> Message:
 def _decoded(kind: Kind, data: bytes) -> Message:
     match kind:
         case Kind.HELLO:
-            wishes, token = _HELLO.unpack(data)
-            return Hello(Wish(wishes), _from_text(token))
+            wishes, token, speed = _HELLO.unpack(data)
+            if not 0.0 < speed <= 1.0:
+                raise ProtocolError(f"a HELLO has the speed {speed:g}; it is above 0 and at most 1")
+            return Hello(Wish(wishes), _from_text(token), speed)
         case Kind.WELCOME:
             return _decoded_welcome(data)
         case Kind.COMMAND:
@@ -526,6 +534,7 @@ def _decoded_welcome(data: bytes) -> Welcome:
         numbers[7:10],
         tuple(found_joints),
         tuple(found_cameras),
+        numbers[10],
     )
 
 

@@ -39,10 +39,10 @@ from .run_log import RunLog
 from .run_result import RunResult
 
 STATUSES: Final = (
-    "success", "incomplete", "failure", "timeout", "paused", "interrupted", "running", "killed",
+    "success", "incomplete", "failure", "timeout", "paused", "interrupted", "stopped", "running", "killed",
     "unknown", "unreadable",
 )  # fmt: skip
-"""Statuses of a row. The first six are those of a result; a log without one is `running` or `killed`, or
+"""Statuses of a row. The first seven are those of a result; a log without one is `running` or `killed`, or
 `unknown` when another program has left out its result."""
 
 COLUMNS: Final[Mapping[str, tuple[ValueType, str]]] = {

@@ -16,7 +16,9 @@ from picktree.world import FormCount, ItemCount, Plain
 
 from .episode_counts import CureCount, PlantedCount, cause_lines, planted_lines
 
-RunStatus: TypeAlias = Literal["success", "incomplete", "failure", "timeout", "paused", "interrupted"]
+RunStatus: TypeAlias = Literal[
+    "success", "incomplete", "failure", "timeout", "paused", "interrupted", "stopped"
+]
 
 _SENTENCES: Mapping[RunStatus, str] = {
     "success": "the goal is reached",
@@ -25,6 +27,7 @@ _SENTENCES: Mapping[RunStatus, str] = {
     "timeout": "the run was ended at its limit of simulated time",
     "paused": "it waits for help",
     "interrupted": "the run was interrupted",
+    "stopped": "the robot's own side ended the run",
 }
 
 

@@ -8,6 +8,7 @@ them is a safety function.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections import deque
 from dataclasses import dataclass
@@ -32,6 +33,9 @@ BRAKING_SHARE = 0.6
 """Share of the joints' accelerations with which the robot brakes."""
 SPEED_MARGIN, LIMIT_MARGIN, WORKSPACE_MARGIN = 1.3, 0.02, 0.02
 """What the guards allow beyond the limits: share of the speed, rad, m."""
+SPEED_ALLOWANCE = 0.02
+"""What a set-point, and thrice what a joint may be faster than a client's share of the speeds, rad/s:
+vibration."""
 FOLLOWING_ERROR = 0.05
 """Greatest distance of a joint to its set-point, rad."""
 FORCE_MARGIN = 1.5
@@ -127,6 +131,8 @@ class Plant:
         self._damping = 2.0 * SERVO_FREQUENCY * own
         self.steps = 0
         self.stop = protocol.Stop.NONE
+        self.speed = 1.0
+        """Share of the joints' speeds that the client may use."""
         self.greatest_force = 0.0
         """Greatest contact force at the wrist so far, by the true sensor, N."""
         self._mode = protocol.Mode.HOLD
@@ -227,6 +233,9 @@ class Plant:
             self.halt(protocol.Stop.JUMP)
             return
         rate = np.array(command.velocity)
+        if self.speed < 1.0 and self._is_too_fast(command, goal, rate):
+            self.halt(protocol.Stop.SPEED)
+            return
         self._path = [PathPoint(0.0, self._setpoint, self._rate), PathPoint(period, goal, rate)]
         ahead = [
             (at, np.array(position))
@@ -239,6 +248,17 @@ class Plant:
             self._path.append(PathPoint(at, position, mean))
         if not ahead:
             self._path.append(PathPoint(period + EXTRAPOLATION, goal + EXTRAPOLATION * rate, rate))
+
+    def _is_too_fast(self, command: protocol.Command, goal: Array, rate: Array) -> bool:
+        """Return whether a command exceeds the client's share of the speeds, its path ahead included."""
+        points = [(0.0, self._setpoint), (command.advance or STEP, goal)]
+        points += [
+            (at, np.array(ahead))
+            for at, ahead in zip(protocol.PREVIEW_TIMES, command.ahead, strict=False)
+            if at > points[1][0]
+        ]
+        rates = [rate, *((b[1] - a[1]) / (b[0] - a[0]) for a, b in itertools.pairwise(points))]
+        return bool((np.abs(rates) > self.speed * self._fastest + SPEED_ALLOWANCE).any())
 
     def _move_setpoint(self) -> None:
         """Move the set-point along the commanded path; beyond its end brake."""
@@ -335,7 +355,7 @@ class Plant:
         at = data.xpos[parts.tcp_link] + data.xmat[parts.tcp_link].reshape(3, 3) @ self._tcp_at
         if force > FORCE_MARGIN * self.cell.force:
             self.halt(protocol.Stop.FORCE)
-        elif bool((np.abs(v) > SPEED_MARGIN * self._fastest).any()):
+        elif bool((np.abs(v) > SPEED_MARGIN * self.speed * self._fastest + 3 * SPEED_ALLOWANCE).any()):
             self.halt(protocol.Stop.SPEED)
         elif self._mode is not protocol.Mode.TORQUE and bool(
             (np.abs(self._setpoint - q) > FOLLOWING_ERROR).any()

@@ -48,6 +48,7 @@ class CellServer:
             if self._token and not protocol.same_token(self._token, hello.token):
                 channel.send(protocol.Refusal(protocol.Refused.TOKEN, "the token is not the robot's"))
                 return
+            self.plant.speed = hello.speed
             channel.send(self._welcome(hello.wishes))
             while True:
                 message = channel.receive()
@@ -61,6 +62,7 @@ class CellServer:
         finally:
             self.plant.halt(protocol.Stop.REQUESTED)
             self.plant.clear()
+            self.plant.speed = 1.0
             self._release()
 
     def _answer(self, message: protocol.Message) -> protocol.Message:
@@ -121,6 +123,7 @@ class CellServer:
             (gripper.max_width, gripper.max_force, gripper.speed),
             tuple(protocol.Joint(j.name, j.lower, j.upper, j.velocity, j.torque) for j in cell.robot.joints),
             tuple(cameras),
+            self.plant.speed,
         )
 
     def _state(self) -> protocol.State:

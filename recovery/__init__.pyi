@@ -22,4 +22,8 @@ from .recover import (
 from .safe_retreat import SafeRetreat as SafeRetreat
 
 # for other rooms
-from .belief_restart import ResyncReport as ResyncReport, resync_belief as resync_belief
+from .belief_restart import (
+    ResyncReport as ResyncReport,
+    last_look as last_look,
+    resync_belief as resync_belief,
+)

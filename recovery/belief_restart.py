@@ -1,7 +1,7 @@
-"""Resynchronisation of an older belief with the scene at the restart of a run.
+"""Resynchronisation of an older belief with the scene at the restart of a run, and the last look at its end.
 
-The hand's content is measured and put down, the arm retreats and moves home, and all cameras look. The images
-then show which items were sorted in the time between.
+At a restart the hand's content is measured and put down, the arm retreats and moves home, and all cameras
+look. The images then show which items were sorted in the time between.
 """
 
 from __future__ import annotations
@@ -10,6 +10,8 @@ from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
+
+import numpy as np
 
 from picktree.robot.manipulation import DOWNWARDS, held_object
 from picktree.trees import NodeStatus, build
@@ -30,6 +32,8 @@ UNKNOWN_OBJECT_SIZE: Final = 0.10
 """Assumed size of the unknown object in the hand, along the pads and downwards, m."""
 MAX_EMPTYING_ATTEMPTS: Final = 2
 """Maximum number of attempts to empty the hand."""
+MAX_HOME_DISTANCE: Final = 0.02
+"""Greatest distance of a joint to its position at home, at which the arm is there, rad."""
 UNKNOWN_OBJECT: Final = ObjectId("in_hand")
 MAX_DESCENT: Final = 0.15
 """Maximum descent of an object that weighs next to nothing, m; contact ends it."""
@@ -93,10 +97,28 @@ def resync_belief(world: World) -> Generator[None, None, ResyncReport]:
             world.scene.remove(UNKNOWN_OBJECT, "it is looked what it was")
     if not held:
         yield from _carry_out(_HOME, world)
-    yield from _look(world)
+    yield from _look(world, [camera.name for camera in world.description.cameras])
     _recognise(world, known)
     world.attempts.restore(attempts)
     return _resync_report(world, to_do, held)
+
+
+def last_look(world: World) -> Generator[None, None, None]:
+    """Look with the fixed cameras at the end of a run, and recognise everything anew; each yield is one tick.
+
+    The arm moves home before, out of their view; after a latched safety stop it stays where it is. It never
+    fails: what no camera sees is believed as before.
+    """
+    if world.control.monitor.stopped is None and not _is_home(world):
+        yield from _carry_out(_HOME, world)
+    cameras = [camera.name for camera in world.description.cameras if camera.on == "world"]
+    yield from _look(world, cameras, fresh=True)
+
+
+def _is_home(world: World) -> bool:
+    """Return whether the arm rests at home."""
+    off = np.abs(world.control.state.position - world.robot.named("home")).max()
+    return world.control.at_rest and float(off) < MAX_HOME_DISTANCE
 
 
 def _measure_hand(world: World) -> Generator[None, None, held_object.GripCheck | None]:
@@ -149,15 +171,13 @@ def _carry_out(text: str, world: World) -> Generator[None, None, None]:
         world.journal.note(event_types.TookStockEvent(message, failed=str(tree.failure.cause)))
 
 
-def _look(world: World) -> Generator[None, None, None]:
-    for camera in world.description.cameras:
+def _look(world: World, cameras: Sequence[str], *, fresh: bool = False) -> Generator[None, None, None]:
+    for camera in cameras:
         try:
-            yield from world.vision.observe(camera.name)
+            yield from world.vision.observe(camera, fresh=fresh)
         except Failure as failure:
             world.journal.note(
-                event_types.TookStockEvent(
-                    f"{camera.name} shows nothing: {failure.message}", camera=camera.name
-                )
+                event_types.TookStockEvent(f"{camera} shows nothing: {failure.message}", camera=camera)
             )
 
 

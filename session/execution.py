@@ -4,14 +4,14 @@ shows nothing; `Session` does.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import replace
 from typing import Any
 
 from picktree.files import PicktreeError
 from picktree.logs import RunStatus, log_records
 from picktree.logs.recording import RecordingState
-from picktree.recovery import ResyncReport, resync_belief
+from picktree.recovery import ResyncReport, last_look, resync_belief
 from picktree.robot import HandlingParameters, Vision, World
 from picktree.robot.control import ArmMotion, ControlLoop, GripperControl, SafetyMonitor
 from picktree.robot.manipulation import opening_force
@@ -143,20 +143,36 @@ def assemble_world(
     )
 
 
-def _build(recipe: Recipe) -> tuple[Hardware, Simulation | None]:
-    """Return the hardware of a recipe, and the same as a simulation; None when it is a robot.
+def _build(recipe: Recipe) -> tuple[Hardware, Simulation | None, float | None]:
+    """Return the hardware of a recipe, the same as a simulation, and the measured noise of its wrist, N.
+
+    A robot is no simulation: None; without a measurement the noise is None.
 
     Raises PicktreeError for a robot that cannot be reached or does not fit, and for faults beside one.
     """
     if recipe.robot_at:
-        from picktree.drivers import ExternalHardware
+        from picktree.drivers import ExternalHardware, measurement_path, read_measurement
 
         if recipe.faults is not None:
             raise PicktreeError("faults are injected into a simulation; a robot has its own")
-        return ExternalHardware(recipe.scene, recipe.robot, recipe.robot_at), None
+        measured = read_measurement(measurement_path(recipe.robot))
+        robot = ExternalHardware(recipe.scene, recipe.robot, recipe.robot_at, recipe.speed, measured)
+        noise = robot.measured.wrench_noise if robot.measured else None
+        return robot, None, noise
     start = recipe.start.state.simulation if recipe.start else None
     simulation = build_hardware(recipe.backend, recipe.scene, recipe.robot, recipe.seed, start)
-    return simulation, simulation
+    return simulation, simulation, None
+
+
+def _slowed(robot: RobotDescription, share: float) -> RobotDescription:
+    """Return the robot with a share of its speeds and accelerations as limits: no motion exceeds them."""
+    if share == 1.0:
+        return robot
+    limits = (
+        replace(each, velocity=share * each.velocity, acceleration=share * each.acceleration)
+        for each in robot.limits
+    )
+    return replace(robot, limits=tuple(limits))
 
 
 _MAX_BRAKING_TICKS = 40
@@ -194,16 +210,18 @@ class Execution:
         start = recipe.start
         if after is None:
             self.stopwatch = stopwatch or Stopwatch()
-            self.hardware, simulation = _build(recipe)
+            self.hardware, simulation, noise = _build(recipe)
             self.world = assemble_world(
                 self.hardware,
                 recipe.scene,
-                recipe.robot,
+                _slowed(recipe.robot, recipe.speed),
                 recipe.seed,
                 verify=recipe.verify,
                 planning_worker=planning_worker,
                 stopwatch=self.stopwatch,
             )
+            if noise is not None:
+                self.world.control.wrist.least_noise = noise
         else:
             self.stopwatch, self.hardware, self.world = after.stopwatch, after.hardware, after.world
             simulation = after.stage.simulation if after.stage else None
@@ -244,6 +262,18 @@ class Execution:
             report = self._look_first() or self.tree.tick()
         for happened in self.stage.tick() if self.stage else ():
             self.world.journal.note(happened)
+        return self._reported(report)
+
+    def last_look(self) -> Generator[tuple[Tick, tuple[Entry, ...]]]:
+        """Let the fixed cameras of a robot look once more after the end of the tree: its score is what they
+        see. Yields what `tick` returns, for each tick."""
+        for _ in last_look(self.world):
+            yield self._reported(self.tree.look())
+            self.pass_time()
+        yield self._reported(self.tree.look())
+
+    def _reported(self, report: Tick) -> tuple[Tick, tuple[Entry, ...]]:
+        """Count what has happened in a tick, and return its report with its journal entries."""
         self.items_total = self._count_items()
         entries = self.world.journal.take()
         decisions = self.tally.take(self.world.clock.now, entries, self.tree.leaves, report.edges)

@@ -125,6 +125,8 @@ class Recipe:
     """Original paths of the files of a recipe from a log, by name of the attachment."""
     robot_at: str = ""
     """Address of the robot's process, see `drivers`; empty: a simulation."""
+    speed: float = 1.0
+    """Share of the joints' speeds and accelerations that a robot may use."""
 
 
 ASSORTMENT_MESHES: Final = "assortment.zip"
@@ -315,6 +317,10 @@ class RunRequest:
     """Limits at which the log continues in a further file."""
     robot_at: str = ""
     """Address of the robot's process, see `drivers`; empty: a simulation."""
+    speed: float = 1.0
+    """Share of the joints' speeds and accelerations that a robot may use."""
+    confirm: bool = False
+    """Ask the interrupters before each motion of the arm, as for help; without their yes the run ends."""
 
 
 def read_recipe(request: RunRequest, mission: Mission | None = None) -> Recipe:
@@ -342,6 +348,7 @@ def read_recipe(request: RunRequest, mission: Mission | None = None) -> Recipe:
         request.limit,
         own_scene=request.scene is None,
         robot_at=request.robot_at,
+        speed=request.speed,
     )
 
 

@@ -30,10 +30,11 @@ from picktree.logs import (
     log_files,
     log_records,
 )
+from picktree.robot import operator_desk
 from picktree.robot.perception import hidden_shares
 from picktree.simulation import ItemScore, Score, TrueBody, score
 from picktree.trees import Mission
-from picktree.world import Stopwatch, Tick, event_types
+from picktree.world import RobotStopped, Stopwatch, Tick, event_types
 from picktree.world.scene import MAX_HIDDEN_SHARE
 
 from .believed_score import believed_count
@@ -89,10 +90,13 @@ class RunTimer:
         )
 
 
-def summarise(run: Execution, timer: RunTimer, status: RunStatus, digest: str, log: Path) -> RunResult:
+def summarise(
+    run: Execution, timer: RunTimer, status: RunStatus, digest: str, log: Path, reason: str = ""
+) -> RunResult:
     """Return the result of a run that has ended with `status`, scored against the ground truth.
 
-    A success that misses the goal becomes `incomplete`.
+    A success that misses the goal becomes `incomplete`. `reason`: the sentence on the end, where it is not
+    the tree's.
     """
     recipe, tally = run.recipe, run.tally
     scene, desk, now = recipe.scene, run.world.operator, run.world.clock.now
@@ -121,7 +125,7 @@ def summarise(run: Execution, timer: RunTimer, status: RunStatus, digest: str, l
         wall_seconds=timer.wall_seconds(),
         log=log.absolute(),
         folder=log.parent.absolute(),
-        message=question.reason if question else _message(run, status),
+        message=reason or (question.reason if question else _message(run, status)),
         thinking_charged=scene.thinking.collision_check > 0.0 and scene.thinking.image > 0.0,
         disagreements=run.disagreements if recipe.verify else None,
         holes=tuple(
@@ -188,6 +192,8 @@ def _at_hole(body: TrueBody, item: ItemScore) -> HoleItem:
 
 
 RESULT_FILE_NAME = "result.json"
+MOVE = "move", "end the run"
+"""Answers to the question before a motion."""
 
 
 class Session:
@@ -215,6 +221,7 @@ class Session:
         self._observers: list[Observer] = list(observers)
         self._owns_hardware = not isinstance(recipe, Execution)
         self.timer = RunTimer(recipe.stopwatch if isinstance(recipe, Execution) else None)
+        confirm = isinstance(recipe, RunRequest) and recipe.confirm
         if isinstance(recipe, RunRequest):
             record = record or Recording(recipe.out, recipe.rotation)
             if recipe.watch:
@@ -230,6 +237,8 @@ class Session:
             recipe = Execution(recipe, stopwatch=self.timer.stopwatch, planning_worker=planning_worker)
         self.execution = recipe
         self._interrupters = [each for each in self._observers if isinstance(each, Interrupter)]
+        if confirm:
+            recipe.world.control.confirm = self._confirm
         record = record or Recording()
         self._rotation = record.rotation or (
             log_files.FEED_ROTATION if recipe.recipe.scene.deliveries else log_files.NO_ROTATION
@@ -240,9 +249,9 @@ class Session:
         """Run the mission to its end and return the result.
 
         The log is finished on every exit. An interrupt (SIGINT, SIGTERM) ends the run with the status
-        `interrupted`.
+        `interrupted`; a stop by the robot's own side ends it with `stopped`.
         """
-        execution, log = self.execution, self.folder / LOG_FILE_NAME
+        execution, log, reason = self.execution, self.folder / LOG_FILE_NAME, ""
         with (
             self._released_robot(),
             _without_old_garbage(),
@@ -254,9 +263,12 @@ class Session:
                 status = self._loop(recorder)
                 if status in ("success", "failure", "timeout"):
                     execution.let_items_rest()
-            except KeyboardInterrupt:
+                    self._look_last(recorder)
+            except KeyboardInterrupt as end:
                 recorder.settle()
-                status = "interrupted"
+                status, reason = "interrupted", str(end)
+            except RobotStopped as stop:
+                status, reason = "stopped", str(stop)
             except PicktreeError as error:
                 if recorder.failed:
                     execution.come_to_rest()  # Nothing after this is recorded.
@@ -265,7 +277,7 @@ class Session:
                     ) from None
                 raise
             recorder.last()
-            result = summarise(execution, self.timer, status, recorder.digest, log)
+            result = summarise(execution, self.timer, status, recorder.digest, log, reason)
             recorder.finish(result)
         write_result(result, self.folder / RESULT_FILE_NAME)
         for observer in self._observers:
@@ -302,6 +314,14 @@ class Session:
             execution.pass_time()
             with stopwatch.measure("logging"):
                 recorder.timing(self.timer.tick_timing(before, began, execution.tree.seconds()))
+
+    def _look_last(self, recorder: SessionRecorder) -> None:
+        """Look once more where there is no ground truth to score."""
+        if self.execution.stage is not None:
+            return
+        for report, entries in self.execution.last_look():
+            recorder.tick(report, entries)
+            self._show(report)
 
     def _show(self, report: Tick) -> None:
         execution = self.execution
@@ -341,6 +361,16 @@ class Session:
     def _note_checkpoint(self) -> None:
         done = self.execution.tally.done
         self.execution.world.journal.note(event_types.CheckpointEvent(f"after {done} items", items_done=done))
+
+    def _confirm(self, owner: str, motion: str) -> None:
+        """Ask whether the arm may make a motion. Raises KeyboardInterrupt without a yes; no node may turn a
+        no into a failure and go on."""
+        situation = f"the arm is at rest or on its way, and {owner or 'the mission'} wants to move it"
+        question = operator_desk.OperatorQuestion(owner, f"may the arm move? {motion}", MOVE, "", situation)
+        answers = (operator.answer(question) for operator in self._interrupters)
+        answer = next((each for each in answers if each is not None), "no answer")
+        if answer != MOVE[0]:
+            raise KeyboardInterrupt(f"a motion of {owner or 'the mission'} was not confirmed: {answer}")
 
     def _follow_edits(self, recorder: SessionRecorder) -> None:
         execution = self.execution

@@ -108,6 +108,7 @@ from .protocols import (
     Hardware as Hardware,
     NoFeed as NoFeed,
     NoImage as NoImage,
+    RobotStopped as RobotStopped,
     SensorStamps as SensorStamps,
     WrenchSensor as WrenchSensor,
 )

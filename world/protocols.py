@@ -116,6 +116,10 @@ class RgbdImage:
     """Believed pose of the camera (from the scene file): x right, y down, z forward."""
 
 
+class RobotStopped(PicktreeError):
+    """Stop that the robot's own side has made, or the loss of the connection to it: the run ends."""
+
+
 class NoImage(Exception):
     """The camera gave no image in time. Perception reports it as perception.no_image."""
 
@@ -221,7 +225,10 @@ class Hardware(Protocol):
         ...
 
     def step(self) -> None:
-        """Apply the commands, let `period` pass, refresh the sensors."""
+        """Apply the commands, let `period` pass, refresh the sensors.
+
+        Raises RobotStopped when the robot's own side has stopped it, or is gone.
+        """
         ...
 
     def settings(self) -> Mapping[str, str]:

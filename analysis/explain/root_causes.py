@@ -51,7 +51,15 @@ DISPLACEMENT_CAUSES = frozenset(
 PLACE_CAUSES = frozenset({"item.out_of_reach", "item.beside_bin", "item.crowded", "item.hemmed_in"})
 """Causes due to an item's place: their root is the event that brought the item there."""
 RUN_CAUSES = frozenset(
-    {"run.interrupted", "run.killed", "run.crashed", "run.going_on", "run.paused", "tree.condition"}
+    {
+        "run.interrupted",
+        "run.stopped",
+        "run.killed",
+        "run.crashed",
+        "run.going_on",
+        "run.paused",
+        "tree.condition",
+    }
 )
 """Causes that end a run by themselves."""
 MIN_SHARE = 0.2

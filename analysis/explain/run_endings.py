@@ -28,6 +28,9 @@ def explain_run_end(case: Investigation, outcome: ExplainedOutcome) -> Finding |
             return Finding(
                 "run.interrupted", "", "the run was interrupted by hand", _under_way(case), "", outcome.end
             )
+        case "stopped":
+            title = "the robot's own side ended the run"
+            return Finding("run.stopped", "", title, _under_way(case), "", outcome.end)
         case "paused":
             title = "help was wanted, and nobody was there to answer"
             return Finding("run.paused", "", title, _pending_question(case), "", outcome.end)

@@ -503,6 +503,7 @@ def outcome_of(case: Investigation, visits: Sequence[node_visits.Visit]) -> Expl
         "timeout": f"the run was ended at its limit of time{_doing(visits)}; {counts}",
         "paused": f"the run waits for help: {result.message}; {counts}",
         "interrupted": f"the run was interrupted{_doing(visits)}; {counts}",
+        "stopped": f"the robot's own side ended the run{_doing(visits)}: {result.message}; {counts}",
     }[result.status]
     return ExplainedOutcome(result.status, sentence, end, items.sorted, items.total)
 

@@ -167,7 +167,7 @@ def _content_security_policy(scripts: Iterable[str]) -> str:
 
 
 _OUTCOME_COLOURS = {
-    "success": "success", **dict.fromkeys(("paused", "interrupted", "killed", "unknown"), "open")
+    "success": "success", **dict.fromkeys(("paused", "interrupted", "stopped", "killed", "unknown"), "open")
 }  # fmt: skip
 """Colour class of the outcome; any other outcome is a failure."""
 

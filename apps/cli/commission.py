@@ -274,7 +274,7 @@ def test(
     change and the file. Exit code 0: all tests are passed; 1: one failed.
 
     With --robot-at: weight of the hand, noise, axes and sign of the wrist, 5 mm along each axis, latencies,
-    gripper.
+    gripper. The values go into ROBOT.measured.json, which `run --robot-at` reads.
     """
     answer = keep_stdout() if json else None
     result = _tested(name, page, scene, robot_at)

@@ -120,13 +120,28 @@ RobotAt: TypeAlias = Annotated[
         show_default="a simulation",
     ),
 ]
+Speed: TypeAlias = Annotated[
+    str,
+    typer.Option(
+        metavar="SHARE",
+        help="With --robot-at: share of the joints' speeds, as 10%. The robot's side stops beyond it.",
+    ),
+]
+Confirm: TypeAlias = Annotated[
+    bool,
+    typer.Option(
+        "--confirm",
+        help="With --robot-at: ask before each motion of the arm, here or in `picktree attach`.",
+    ),
+]
 Answers: TypeAlias = Annotated[
     list[str] | None,
     typer.Option("--answer", metavar="TEXT", help="Answer when the mission asks for help."),
 ]
 
 HELP_GROUPS: HelpGroups = {
-    "Mission and scene": ("scene", "robot", "seed", "set_", "faults", "backend", "robot_at", "verify"),
+    "Mission and scene": ("scene", "robot", "seed", "set_", "faults", "backend", "verify"),
+    "A robot in another process": ("robot_at", "speed", "confirm"),
     "Time limit and log": ("limit", "out", "rotate_mb", "rotate_minutes"),
     "Watching and steering": ("debug", "watch", "live", "live_port", "pace", "answers", "wait"),
     "Resuming a run": ("resume", "as_it_stands"),
@@ -145,6 +160,8 @@ def run(
     out: RunsFolder = None,
     backend: Backend = "physics",
     robot_at: RobotAt = "",
+    speed: Speed = "100%",
+    confirm: Confirm = False,
     verify: Verify = False,
     debug: Debug = False,
     watch: Watch = False,
@@ -190,6 +207,8 @@ def run(
             watch=watch,
             rotation=rotation,
             robot_at=robot_at,
+            speed=parse_share(speed),
+            confirm=confirm,
             **({} if seconds is None else {"limit": seconds}),
         )
         assembly = _new_run(request, answers or ())
@@ -301,7 +320,8 @@ class _Watchers:
 _PROFILED_FUNCTIONS = 20
 """Number of functions in each table of a profile."""
 _RECORDED_OPTIONS = (
-    "mission", "scene", "robot", "seed", "set_", "faults", "backend", "robot_at", "verify", "watch",
+    "mission", "scene", "robot", "seed", "set_", "faults", "backend", "robot_at", "speed", "confirm",
+    "verify", "watch",
 )  # fmt: skip
 """Parameters that are invalid with --resume, because the log has them."""
 
@@ -314,6 +334,11 @@ def refuse_contradictions(context: typer.Context) -> None:
     given = context.get_parameter_source("backend")
     if context.params["robot_at"] and given is not None and given.name == "COMMANDLINE":
         raise PicktreeError("--robot-at and --backend exclude each other: a robot is no simulation")
+    if not context.params["robot_at"]:
+        for name in ("speed", "confirm"):
+            source = context.get_parameter_source(name)
+            if source is not None and source.name == "COMMANDLINE":
+                raise PicktreeError(f"--{name} is for a robot: give --robot-at ADDRESS, too")
     if context.params["resume"] is None:
         if context.params["as_it_stands"]:
             raise PicktreeError("--as-it-stands needs a run to resume: give --resume LOG, too")
@@ -392,6 +417,23 @@ def _pacer(factor: float) -> WallClockPacer:
     from picktree.session import WallClockPacer
 
     return WallClockPacer(factor, MAX_UNATTENDED_MOTION)
+
+
+def parse_share(text: str) -> float:
+    """Return a share in (0, 1]. Raises PicktreeError for any other text.
+
+    >>> parse_share("10%")
+    0.1
+    """
+    from picktree.files import quantities
+
+    try:
+        share = quantities.parse_quantity(text, "")
+    except ValueError as error:
+        raise PicktreeError(f"--speed {text}: {error}") from None
+    if not 0.0 < share <= 1.0:
+        raise PicktreeError(f"--speed {text}: write a share above 0 and at most 100%, as in --speed 10%")
+    return share
 
 
 def parse_limit(text: str) -> float:

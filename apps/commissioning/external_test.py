@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from picktree.drivers import ExternalHardware
+from picktree.drivers import ExternalHardware, RobotMeasurement, measurement_path, write_measurement
 from picktree.world import GRAVITY, Array, GripperCommand
 from picktree.world.robot_model import RobotModel, load_robot
 from picktree.world.scene import load_scene
@@ -56,6 +56,13 @@ class _Bench:
         self.hardware, self.model = hardware, model
         self.at: Array = hardware.joints.position.copy()
         """Commanded configuration (n,), rad."""
+        told = hardware.link.robot
+        self.measured = RobotMeasurement(
+            told.robot, told.engine, 0.0, 0.0, 0.0, 0.0, True, None, None, model.hand_mass
+        )
+        """What was measured so far."""
+        self.refused: list[str] = []
+        """Wrong signs and frames, with which no mission is run."""
 
     def hold(self, seconds: float, watch: Callable[[], None] = lambda: None) -> None:
         """Hold the arm for some time; `watch` is called after each period."""
@@ -79,7 +86,7 @@ class _Bench:
 
 
 def test_external_robot(name: str, scene: str, address: str) -> RobotTestResult:
-    """Test the robot that listens at an address.
+    """Test the robot that listens at an address, and write what runs rely on, see `drivers.measurement`.
 
     Raises PicktreeError when it cannot be reached, is not the robot of the file, or stops by itself.
     """
@@ -98,6 +105,7 @@ def test_external_robot(name: str, scene: str, address: str) -> RobotTestResult:
         )
     finally:
         hardware.close()
+    write_measurement(replace(bench.measured, refused=tuple(bench.refused)), measurement_path(robot))
     return RobotTestResult(f"{robot.name} at {address}", robot.source, verdicts)
 
 
@@ -112,6 +120,7 @@ def _noise(bench: _Bench) -> Verdict:
 
     bench.hold(REST_TIME, read)
     force, encoder = float(np.std(forces, axis=0).max()), float(np.std(joints, axis=0).max())
+    bench.measured = replace(bench.measured, wrench_noise=force, encoder_noise=encoder)
     return Verdict(
         "noise at rest",
         force <= MAX_FORCE_NOISE,
@@ -142,20 +151,23 @@ def _weight(bench: _Bench) -> tuple[Verdict, ...]:
     known = bench.model.hand_mass
     fits = abs(mass / known - 1.0) <= MAX_MASS_ERROR
     change = ""
+    bench.measured = replace(bench.measured, hand_mass=mass)
     if mass < 0.0:
         change = "the force has the wrong sign: send what hand and load exert on the wrist"
+        bench.refused.append(change)
     elif not fits:
         change = f"enter {mass:.3f} kg for the hand in the robot file, under inertias:"
     axes = left <= MAX_WEIGHT_RESIDUAL and bias <= MAX_BIAS
+    turn_axes = "turn the force into the axes of the flange, and tare the sensor with a free hand"
+    if not axes:
+        bench.refused.append(turn_axes)
     return (
         Verdict("weight of the hand", fits, f"{mass:.3f} kg, by the model {known:.3f} kg", change),
         Verdict(
             "axes of the wrist",
             axes,
             f"{left:.2f} N unexplained, bias {bias:.1f} N",
-            ""
-            if axes
-            else "turn the force into the axes of the flange, and tare the sensor with a free hand",
+            "" if axes else turn_axes,
         ),
     )
 
@@ -172,11 +184,14 @@ def _small_motions(bench: _Bench) -> Verdict:
         worst = max(worst, float(np.linalg.norm(there - start - axis * STEP_LENGTH)))
         bench.go(begin)
     good = worst <= MAX_STEP_ERROR
+    compare = "compare order, signs and zeros of the joints with the robot file"
+    if worst > STEP_LENGTH / 2:
+        bench.refused.append(compare)
     return Verdict(
         "5 mm along x, y, z",
         good,
         f"at most {1000 * worst:.2f} mm off by the encoders",
-        "" if good else "compare order, signs and zeros of the joints with the robot file",
+        "" if good else compare,
     )
 
 
@@ -211,6 +226,7 @@ def _latencies(bench: _Bench) -> tuple[Verdict, ...]:
     whole, said = int(np.argmin(errors)) * period, bench.hardware.latency
     good = whole <= MAX_LATENCY + 0.02
     honest = abs(whole - said) <= 0.02
+    bench.measured = replace(bench.measured, latency=whole, told_latency=said, honest=honest)
     return (
         Verdict(
             "latency of the arm",
@@ -251,6 +267,11 @@ def _gripper(bench: _Bench) -> tuple[Verdict, ...]:
     hardware.gripper.command(GripperCommand(begin, limits.max_force / 2))
     bench.hold(limit)
     moves = math.isfinite(end)
+    bench.measured = replace(
+        bench.measured,
+        gripper_start=start if math.isfinite(start) else None,
+        gripper_time=end if moves else None,
+    )
     late = start > MAX_GRIPPER_LATENCY
     fits = not idle
     return (

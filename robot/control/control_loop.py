@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from time import perf_counter
@@ -362,6 +362,15 @@ class ControlLoopState:
     """Least noise of the wrist at rest so far, N; older logs have none."""
 
 
+def _described(controller: Controller) -> str:
+    """Return a motion in words: its controller, and of a trajectory duration and greatest way of a joint."""
+    if not isinstance(controller, TrajectoryController):
+        return controller.name
+    path = controller.trajectory
+    way = math.degrees(float(np.abs(path.end - path.start).max()))
+    return f"{controller.name}, {path.duration:.1f} s, a joint by up to {way:.0f} deg"
+
+
 class ControlLoop:
     """Loop that runs one controller at a time and issues the lease on the arm.
 
@@ -394,6 +403,9 @@ class ControlLoop:
         self._rest_periods = round(REST_TIME / hardware.period)
         self._holder: Lease | None = None
         self._watchdog = Watchdog()
+        self.confirm: Callable[[str, str], None] | None = None
+        """Called with owner and motion before each motion that a lease starts; it raises to refuse. Reflexes
+        and braking never ask."""
 
     @property
     def now(self) -> float:
@@ -613,6 +625,8 @@ class ControlLoop:
                 sensor="wrench",
             )
         if self._holder is not None and not isinstance(controller, HoldController):
+            if self.confirm is not None:
+                self.confirm(self._holder.owner, _described(controller))
             self.monitor.moves(self._holder.owner)
         self._drive.braking, self._watchdog.attended = False, True
         self._guard.guard = guard

@@ -67,13 +67,24 @@ def test_request_carries_every_option(stage: Any) -> None:
             "watch": True,
             "limit": 5400.0,
             "rotation": Rotation(2_000_000, 90.0),
+            "robot_at": "",
+            "speed": 1.0,
+            "confirm": False,
         }
     ]
 
 
 @pytest.mark.parametrize(
     ("status", "code"),
-    [("success", 0), ("incomplete", 1), ("failure", 1), ("timeout", 1), ("paused", 1), ("interrupted", 130)],
+    [
+        ("success", 0),
+        ("incomplete", 1),
+        ("failure", 1),
+        ("timeout", 1),
+        ("paused", 1),
+        ("stopped", 1),
+        ("interrupted", 130),
+    ],
 )
 def test_status_becomes_exit_code(
     status: Any,

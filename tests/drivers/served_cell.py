@@ -22,6 +22,11 @@ class ServedCell:
 
     address: str
     score: dict[str, Any]
+    process: subprocess.Popen[str]
+
+    def kill(self) -> None:
+        """Kill its process, as a power failure would: it leaves no score."""
+        self.process.kill()
 
 
 def write_cell(folder: Path, scene: str = "sort_small", seed: int = 0, robot: str = "panda") -> Path:
@@ -40,14 +45,18 @@ def served(cell: Path, *options: str, **faults: float) -> Iterator[ServedCell]:
     address, score = folder / "cell.sock", folder / "score.json"
     command = [sys.executable, "-m", "picktree_cell", str(cell), "--at", str(address), "--clients", "1"]
     command += ["--faults", str(folder / "faults.json"), "--score", str(score), *options]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    found = ServedCell(str(address), {})
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=Path(__file__).parents[2]
+    )
+    found = ServedCell(str(address), {}, process)
     try:
         assert process.stdout is not None
         said = process.stdout.readline()
         assert said == f"ready at {address}\n", said + (process.stderr.read() if process.stderr else "")
         yield found
         process.communicate(timeout=60)
+        if process.returncode < 0:  # killed
+            return
         found.score = json.loads(score.read_text(encoding="utf-8"))
     finally:
         process.kill()

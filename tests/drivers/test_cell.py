@@ -102,6 +102,26 @@ def test_the_robot_stops_by_itself_beyond_its_limits(cell: Cell) -> None:
     assert plant.stop is p.Stop.FORCE
 
 
+def test_the_robot_refuses_more_than_the_share_of_its_speeds(cell: Cell) -> None:
+    """The path ahead counts, too, so that no jump can hide in it."""
+    plant = Plant(cell, EXACT, 0)
+    plant.speed = 0.1
+    most = 0.1 * cell.robot.joints[-1].velocity
+    q = move(plant, most)
+    assert plant.stop is p.Stop.NONE
+    ahead = tuple(tuple((q + np.eye(7)[6] * 2 * most * t).tolist()) for t in p.PREVIEW_TIMES)
+    plant.take(command(plant, q, ahead=ahead))
+    plant.advance(0.005)
+    assert plant.stop is p.Stop.SPEED
+    plant = Plant(cell, EXACT, 0)
+    move(plant, 1.2 * most + 0.03)
+    assert plant.stop is p.Stop.NONE  # at full speed that is slow
+    plant = Plant(cell, EXACT, 0)
+    plant.speed = 0.1
+    move(plant, 1.2 * most + 0.03, 2)
+    assert plant.stop is p.Stop.SPEED
+
+
 def test_a_late_gripper_says_that_it_is_busy(cell: Cell) -> None:
     plant = Plant(cell, replace(EXACT, gripper_latency=0.2), 0)
     home = np.array(cell.robot.home)

@@ -79,11 +79,14 @@ def welcomes(draw: st.DrawFn) -> p.Welcome:
                 )
             )
         ),
+        draw(st.sampled_from((0.1, 1.0))),
     )
 
 
 messages = st.one_of(
-    st.builds(p.Hello, st.sampled_from((p.Wish(0), p.Wish.SHARED_MEMORY)), texts),
+    st.builds(
+        p.Hello, st.sampled_from((p.Wish(0), p.Wish.SHARED_MEMORY)), texts, st.sampled_from((0.1, 1.0))
+    ),
     welcomes(),
     commands(),
     states(),
@@ -102,6 +105,13 @@ def test_a_message_comes_back_from_its_frame(message: p.Message) -> None:
     kind, length = p.decode_header(frame[:12])
     assert len(frame) == 12 + length
     assert p.decode(kind, frame[12:]) == message
+
+
+@pytest.mark.parametrize("speed", [0.0, -0.1, 1.5, float("nan")])
+def test_a_speed_that_is_no_share_is_refused(speed: float) -> None:
+    frame = p.encode(p.Hello(p.Wish(0), "", speed))
+    with pytest.raises(p.ProtocolError, match="above 0 and at most 1"):
+        p.decode(p.Kind.HELLO, frame[12:])
 
 
 @given(st.integers(0, 65535), st.binary(max_size=700))
@@ -129,12 +139,12 @@ def test_a_command_with_its_preview_has_the_documented_layout() -> None:
     command = p.Command(5, p.Mode.POSITION, q, q, q, 0.005, (q, q, q, q), p.GripCommand(0.04, 20.0, 0.1))
     frame = p.encode(command)
     assert len(frame) == 12 + 40 + 8 * 7 * 7
-    assert struct.unpack_from("<4sHHI", frame) == (b"PTRB", 1, 3, 432)
+    assert struct.unpack_from("<4sHHI", frame) == (b"PTRB", 2, 3, 432)
     assert struct.unpack_from("<QIBBBB3d", frame, 12) == (5, 5000, 1, 4, 1, 0, 0.04, 20.0, 0.1)
     assert struct.unpack_from("<7d", frame, 52) == q
 
 
-def header(magic: bytes = b"PTRB", version: int = 1, kind: int = 3, length: int = 0) -> bytes:
+def header(magic: bytes = b"PTRB", version: int = 2, kind: int = 3, length: int = 0) -> bytes:
     return struct.pack("<4sHHI", magic, version, kind, length)
 
 
@@ -147,7 +157,7 @@ def header(magic: bytes = b"PTRB", version: int = 1, kind: int = 3, length: int 
         ),
         (
             header(version=9),
-            "the peer speaks version 9 of the protocol, this side version 1",
+            "the peer speaks version 9 of the protocol, this side version 2",
         ),
         (
             header(length=2**32 - 1),
