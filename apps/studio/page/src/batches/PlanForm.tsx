@@ -18,13 +18,13 @@ const LISTS: [key: string, label: string, hint: string, kind: string][] = [
 export function PlanForm({ path, values, onChange }: { path: string; values: FormValues; onChange(key: string, value: unknown): void }) {
   return (
     <div className="plan-form">
-      <Text label="Name" hint="the file's name unless given" value={words(values.name)} onDone={(text) => onChange("name", text || null)} />
+      <Text label="Name" hint="default: the file's name" value={words(values.name)} onDone={(text) => onChange("name", text || null)} />
       {LISTS.map(([key, label, hint, kind]) => <List key={key} path={path} label={label} hint={hint} kind={kind} value={list(values[key])} onDone={(found) => onChange(key, found.length || key === "missions" ? found : null)} />)}
       <Text label="Seeds" hint="0:100 (100 not included), or 3,7" value={words(values.seeds)} onDone={(text) => onChange("seeds", text || null)} />
-      <Text label="Settings" hint="a port or parameter with its values, as SortOne/Grasp.force=15,30; several with ;" value={settings(values.set)} onDone={(text) => onChange("set", parsed(text))} />
+      <Text label="Settings" hint="a port or parameter with its values, as SortOne/Grasp.force=15,30; a semicolon between two of them" value={settings(values.set)} onDone={(text) => onChange("set", parsed(text))} />
       <Choice label="Backend" value={words(values.backend) || "physics"} options={["physics", "kinematic"]} onDone={(text) => onChange("backend", text)} />
       <Choice label="Logs that stay" value={words(values.keep) || "failures"} options={["failures", "all", "none"]} onDone={(text) => onChange("keep", text)} />
-      <Text label="Simulated time of a job" hint="3600 s unless given" value={words(values.limit)} onDone={(text) => onChange("limit", text || null)} />
+      <Text label="Simulated time of a job" hint="default: 3600 s" value={words(values.limit)} onDone={(text) => onChange("limit", text || null)} />
     </div>
   );
 }
