@@ -17,6 +17,8 @@ from picktree.apps.studio.folder_slice import example_files
 from .rooms import PACKAGES, ROOMS, ROOT
 
 FOLDERS = (*ROOMS, "schemas")
+CELL = "picktree_cell"
+"""The other package of the wheel: it shares the protocol with picktree and nothing else."""
 TOP = [*ROOT.glob("*.py"), *ROOT.glob("*.pyi"), ROOT / "py.typed"]
 EXAMPLES = [ROOT / "examples" / file for file in example_files()]
 EXAMPLES += [file for file in (ROOT / "examples/templates").rglob("*.*") if file.suffix in (".py", ".yaml")]
@@ -32,7 +34,7 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
         shutil.copy(ROOT / name, source)
     for file in (*TOP, ROOT / "pyproject.toml"):
         shutil.copy(file, source)
-    for folder in FOLDERS:
+    for folder in (*FOLDERS, CELL):
         shutil.copytree(ROOT / folder, source / folder, ignore=shutil.ignore_patterns(*LEFT_OUT))
     for file in EXAMPLES:
         target = source / file.relative_to(ROOT)
@@ -64,6 +66,7 @@ def test_wheel_holds_every_file_of_the_rooms_and_nothing_else(wheel: Path) -> No
     ]
     files += [*TOP, *EXAMPLES]
     wanted = {f"picktree/{file.relative_to(ROOT).as_posix()}" for file in files}
+    wanted |= {file.relative_to(ROOT).as_posix() for file in (ROOT / CELL).glob("*.py")}
 
     with zipfile.ZipFile(wheel) as archive:
         found = {name for name in archive.namelist() if ".dist-info/" not in name}

@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from picktree.world import BeliefObject, Box, ObjectId, Pose
+from picktree.world import BeliefObject, Box, ObjectId, Pose, world_facts
 
 from .segmentation import PixelPatch, Pixels, SegmentationInput
 from .view import PerceivedView, RecognisedPatch, UnexplainedPatch
@@ -31,9 +31,9 @@ CHANGE_SIGMAS = 6.0
 """Difference in depth from which a pixel has changed, in standard deviations of the difference."""
 MIN_SHIFT = 0.001
 """Least mean difference in depth of a whole patch from which it has changed, m."""
-MAX_CHANGED_PIXELS, MAX_CHANGED_SHARE = 1, 0.02
-"""Number of changed pixels, and share of the patch, up to which the patch is unchanged: colours flip at
-outlines."""
+MAX_CHANGED_SHARE, MIN_CHANGED_PIXELS, MAX_CHANGED_PIXELS = 0.02, 1, 5
+"""Share of changed pixels of a patch up to which it is unchanged, and the bounds of their number: colours
+flip at outlines. On a large painted surface more pixels may be a new item."""
 MIN_VISIBLE_SHARE = 0.5
 """Least visible share of a patch at which its objects are confirmed. A patch of which less is visible stays
 remembered."""
@@ -42,7 +42,7 @@ MAX_LOOKS = 3
 REVIEW_PERIOD = 1.0
 """Time between two reviews, s. A review recognises the patch again that was recognised longest ago."""
 REVIEW_AGE = 10.0
-"""Age of a recognition from which it is reviewed, s."""
+"""Age of a recognition from which it is reviewed, s; an uncertain one is at each occasion."""
 _UNKNOWN = 255
 """Label of a pixel of which the picture showed nothing."""
 _NO_PIXELS: NDArray[np.int32] = np.zeros(0, dtype=np.int32)
@@ -76,7 +76,8 @@ class PatchContents:
     objects: tuple[KnownPlace, ...]
     boxes: tuple[UnexplainedBox, ...]
     certain: bool
-    """Whether each object in it was recognised with confidence."""
+    """Whether it has contents, and each detection in it was recognised with confidence and is an object; or
+    its objects are set aside."""
     looks: int
     """Number of pictures in a row in which it was recognised without a change."""
     time: float
@@ -267,7 +268,7 @@ class PictureMemory:
         shift = np.abs(np.add.reduceat(off, starts)) / number
         noisy = CHANGE_SIGMAS * np.maximum.reduceat(sigma, starts) / np.sqrt(number)
         wrong = np.add.reduceat((flipped | moved).astype(np.float64), starts) + self._ring_changes(picture)
-        allowed = np.maximum(MAX_CHANGED_PIXELS, MAX_CHANGED_SHARE * counts)
+        allowed = np.clip(MAX_CHANGED_SHARE * counts, MIN_CHANGED_PIXELS, MAX_CHANGED_PIXELS)
         return (wrong > allowed) | (shift > np.maximum(MIN_SHIFT, noisy)), shown / counts
 
     def _ring_changes(self, picture: SegmentationInput) -> NDArray[np.float64]:
@@ -288,8 +289,9 @@ class PictureMemory:
         if now - self._reviewed < REVIEW_PERIOD:
             return None
         shown = [p for p, share in zip(self._patches, shares, strict=True) if share >= MIN_VISIBLE_SHARE]
-        oldest = min(shown, key=lambda p: p.contents.time, default=None)
-        if oldest is None or now - oldest.contents.time < REVIEW_AGE:
+        due = [p for p in shown if not p.contents.certain or now - p.contents.time >= REVIEW_AGE]
+        oldest = min(due, key=lambda p: p.contents.time, default=None)
+        if oldest is None:
             return None
         self._reviewed = now
         return oldest
@@ -297,6 +299,8 @@ class PictureMemory:
     def _claim(self, picture: SegmentationInput, patch: _Patch) -> PixelPatch:
         rows, columns = self._visible(picture, patch.own)
         contents = patch.contents
+        same = picture.label[rows, columns] == contents.label
+        rows, columns = rows[same], columns[same]
         claimed = PixelPatch(len(picture.patches) + 1, contents.label, rows, columns, contents.top, len(rows))
         picture.patches.append(claimed)
         picture.give_back(claimed)
@@ -325,13 +329,15 @@ class PictureMemory:
         labels = np.where(view.blocked.ravel()[ring], _UNKNOWN, view.label.ravel()[ring])
         depth = np.round(view.depth.ravel()[own] / DEPTH_UNIT)
         found = [objects[n] for n in patch.detections if n in objects]
+        aside = bool(found) and all(each.place == world_facts.ASIDE for each in found)
+        explained = bool(found or patch.unexplained) and len(found) == len(patch.detections)
         return _Patch(
             PatchContents(
                 patch.label,
                 patch.top,
                 tuple(KnownPlace(each.id, each.pose) for each in found),
                 tuple(UnexplainedBox(u.shape, u.pose, u.colour) for u in patch.unexplained),
-                patch.certain,
+                (patch.certain and explained) or aside,
                 1,
                 view.stamp,
             ),

@@ -18,7 +18,7 @@ from picktree.robot.perception import (
     PosedCamera,
     update_belief,
 )
-from picktree.world import BeliefObject, PlanningScene, Pose, RgbdImage
+from picktree.world import BeliefObject, Box, PlanningScene, Pose, RgbdImage
 
 from .perception_pictures import (
     BALL,
@@ -196,6 +196,13 @@ def test_a_few_changed_pixels_change_nothing(change: Any, size: int, *, again: b
     looker = Looker()
     fits = looker.look(THREE, spoil=in_the_middle(looker, size, change))
     assert (fits > 0) == again
+
+
+def test_an_item_on_a_painted_surface_is_found() -> None:
+    board = Thing(Box((0.45, 0.4, 0.01)), Pose((0.5, -0.42, 0.005)), "green")
+    looker = Looker((*THREE, board))
+    looker.look((*THREE, board, Thing(BLOCK, Pose((0.5, -0.42, 0.03)), "blue")))
+    assert any(o.colour == "blue" and abs(o.pose.position[1] + 0.42) < 0.02 for o in looker.scene.objects)
 
 
 def test_a_patch_that_rose_as_a_whole_is_recognised_again() -> None:
