@@ -35,6 +35,7 @@ MEASURING = {
     "analysis/report/report.py",
     "analysis/resim.py",
     "analysis/render/films.py",
+    "drivers/external_hardware.py",  # waits for another process
 }
 """Who may look at a clock of this machine, to put what it says into the record, a profile or a folder's
 name; of a run that is watched, not to look at the mission's files at every tick, to pace it and to wait for

@@ -221,8 +221,7 @@ def test_without_webgl_the_rest_works(report: Path, chromium: Chromium) -> None:
     })(HTMLCanvasElement.prototype.getContext);"""
     with chromium.page(report, script=without) as (page, _):
         assert page.locator("#panel-stage .empty").inner_text() == (
-            "This browser draws no 3-D (WebGL is missing or switched off). "
-            "All else on this page works without it."
+            "This browser cannot draw in 3-D (WebGL is missing or switched off). The rest of this page works."
         )
         page.keyboard.press("End")
         assert page.evaluate(f"{TIME} === picktreeReport.player.end")

@@ -300,4 +300,4 @@ def test_a_change_of_a_key_that_nothing_wrote_is_told_how_to_write_it() -> None:
 def test_no_fact_and_no_input_is_proposed_for_a_key_that_nothing_reads() -> None:
     use = "Sequence: [{Observe: {objects: '{items}'}}, {Condition: {if: items_left and item != null}}]"
     (finding,) = lint(f"trees: {{Main: {{ports: {{item: object}}, {use}}}}}", "P303")
-    assert finding.endswith("(an output that nobody needs is left out)")
+    assert finding.endswith("(leave out an output that no node needs)")

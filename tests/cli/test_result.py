@@ -78,6 +78,7 @@ def test_json_has_every_field_by_its_name_and_reads_back(result: RunResult) -> N
         feed=FeedCount(1, 3, 0),
         asked=asked,
         cpu_seconds=2.346,
+        as_believed=True,
     )
     text = full.to_json_text()
     told = json.loads(text)

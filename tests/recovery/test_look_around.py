@@ -28,11 +28,11 @@ def cell(body: str) -> tuple[Cell, KinematicHardware, list[tuple[str, str]]]:
     assert isinstance(hardware, KinematicHardware)
     look = made.world.vision.observe
 
-    def looking(camera: str) -> object:
+    def looking(camera: str, *, fresh: bool = False) -> object:
         q = made.world.control.state.position
         near = (p for p in POSES if np.abs(q - made.world.robot.named(p)).max() < 1e-3)
         looks.append((camera, next(near, "")))
-        return look(camera)
+        return look(camera, fresh=fresh)
 
     made.world.vision.observe = looking  # type: ignore[method-assign,assignment]
     return made, hardware, looks

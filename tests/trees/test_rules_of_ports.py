@@ -44,7 +44,8 @@ def doc_of(node: str, key: str) -> str:
          "P220 4:47: RetryUntilSuccessful: port 'num_attempts': -2 is less than -1 "
          f"({doc_of('RetryUntilSuccessful', 'num_attempts')})"),
         ("Recover: {attempts: 0, do: AlwaysSuccess, otherwise: SafeRetreat}",
-         "P220 4:30: Recover: port 'attempts': 0 is less than 1 (maximum number of runs of `do`)"),
+         "P220 4:30: Recover: port 'attempts': 0 is less than 1 (maximum number of runs of `do`; second "
+         "tries within a skill, as of `Grasp`, do not count)"),
         ("ForEach: {in: [a], out: '{x}', most: 0, do: AlwaysSuccess}",
          "P234 4:47: ForEach: port 'most': with 0 elements the child never runs (at least 1, or -1 for all)"),
         ("Timeout: {msec: -5 s, do: AlwaysSuccess}",
