@@ -74,7 +74,7 @@ class PlacePlan:
 
 
 MAX_FALSE_ALARMS = 4
-"""Number of stops of one carrying motion after which the load on the move is not believed any more."""
+"""Number of stops of one carrying motion by the load after which the load on the move is not believed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +114,7 @@ def carry_to_place(world: World, task: PlaceTask) -> Doing[ReleaseSpot]:
         motion = world.move.along(plan.motion.trajectory, guard=guard, watch=watch, node=task.node)
         if (yield from _arrives(motion, replans)):
             spot = replace(plan.spot, weight=watch.grip.weight)
-        alarms += 1
+        alarms += watch.grip.load_gone
     return spot
 
 

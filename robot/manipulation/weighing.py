@@ -160,6 +160,8 @@ class GripMonitor:
         self._detector: SlipDetector | None = None
         self.felt: MassEstimate | None = None
         """Mass on the hand in the last tick. None: not measured."""
+        self.load_gone = False
+        """Whether the load, not the fingers, stopped the arm."""
 
     def watch(self) -> Failure | None:
         """Return the failure that stops the arm; None to continue. For `ArmMotion.along` and `finish`."""
@@ -167,7 +169,8 @@ class GripMonitor:
         met = width <= MAX_EMPTY_WIDTH < self._width
         if met or abs(width - self._width) > MAX_OPENING_CHANGE:
             return Failure(grasp.SLIPPED, "the fingers move")
-        return Failure(grasp.SLIPPED, "less is felt than was taken up") if self._load_is_gone() else None
+        self.load_gone = self._load_is_gone()
+        return Failure(grasp.SLIPPED, "less is felt than was taken up") if self.load_gone else None
 
     def _load_is_gone(self) -> bool:
         """Add the load of this tick, and return whether the object is gone."""

@@ -13,6 +13,7 @@ from picktree.robot import PlaceCandidate, World
 from picktree.robot.manipulation import object_placement
 from picktree.robot.manipulation.pick_place_motions import lower
 from picktree.robot.manipulation.release_poses import bin_target, levels, opens_freely, place_candidates
+from picktree.robot.manipulation.weighing import GripMonitor
 from picktree.robot.perception import BinView
 from picktree.robot.planning import LegFailure, MotionPlan, Request
 from picktree.simulation.kinematic import KinematicHardware
@@ -45,6 +46,22 @@ def test_what_sticks_to_the_opened_fingers_was_not_placed(
     assert cell.happened("item_done") == []
     (body,) = hardware.truth()
     assert held.pose.distance(body.pose) < 0.003
+
+
+def test_after_four_stops_by_the_load_only_the_fingers_are_watched(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The mass of the hand is wrong: the load seems gone whenever it is watched on the move."""
+    cell, block = holding()
+    stops = list[float]()
+
+    def gone(self: GripMonitor) -> bool:
+        if cell.world.control.tcp.position[2] < self._above:
+            return False
+        stops.append(self._above)
+        return True
+
+    monkeypatch.setattr(GripMonitor, "_load_is_gone", gone)
+    assert cell.do(f"Place: {{object: {block}, into: red_bin}}") == ""
+    assert len(stops) == 4
 
 
 @pytest.mark.parametrize(("left", "placed"), [(0.45, True), (0.55, False)])
