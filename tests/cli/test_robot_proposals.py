@@ -285,18 +285,6 @@ def test_a_short_arm_stands_where_it_reaches_most(tmp_path: Path, capsys: pytest
     assert x + 0.07 < 0.38
 
 
-def test_the_summary_counts_each_place_out_of_reach(proposed: Proposed) -> None:
-    shorter = (
-        (SHORT[0][0], '<origin xyz="0 0 0.2"/>'),
-        (SHORT[1][0], '<origin xyz="0 0 0.15"/>'),
-        *SHORT[2:],
-    )
-    base = proposed(*shorter).draft.base
-    assert base is not None
-    assert len(base.missed) > len(set(base.missed)) > 1
-    assert f"reaches {base.count - len(base.missed)} of {base.count} places" in base.sentence
-
-
 def test_guessed_masses_are_light_enough_for_the_torques_of_the_urdf(proposed: Proposed) -> None:
     def without(name: str) -> tuple[str, str]:
         whole = link(name)
