@@ -41,7 +41,11 @@ def test_a_run_with_an_override_has_it_in_its_tree(tmp_path: Path) -> None:
         ("Grab.force", "15", "Grab.force: no node of the mission fits 'Grab' (did you mean 'Grasp'?)"),
         ("Grasp.forse", "15", "Grasp.forse: Grasp has no input 'forse' (did you mean 'force'?)"),
         ("Grasp.force", "2 s", "Grasp.force: port 'force' of Grasp: '2 s' is a time, not a force (as 20 N)"),
-        ("Observe.objects", "x", "Observe.objects: Observe has no input 'objects' (known: camera, expect, fresh)"),
+        (
+            "Observe.objects",
+            "x",
+            "Observe.objects: Observe has no input 'objects' (known: camera, expect, fresh)",
+        ),
         ("Recover.attempts", "0", "Recover.attempts: port 'attempts' of Recover: 0 is less than 1"),
     ],
 )  # fmt: skip
