@@ -143,6 +143,7 @@ def _item(item: SpawnedItem, destination: str | None) -> dict[str, Any]:
         "kind": entry.kind,
         "form": entry.form,
         "colour": _colour(item.colour),
+        "colour_name": item.colour,
         "mass": entry.mass,
         "friction": entry.friction,
         "destination": destination,

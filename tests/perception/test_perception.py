@@ -73,8 +73,8 @@ def test_every_shape_is_recognised_and_placed(
 
 
 def test_a_tall_thin_item_that_is_seen_aslant_stands_on_the_table() -> None:
-    """Its side is seen as large as its top. By turns of the top alone it seemed to float 10 mm above the table,
-    on another face."""
+    """Its side is seen as large as its top. By turns of the top alone it seemed to float 10 mm above the
+    table, on another face."""
     key = Box((0.05, 0.018, 0.06))
     scene = replace(SCENE, catalogue=(CatalogueEntry("key", "box", key, 0.1, 0.6), *SCENE.catalogue))
     thing = standing(key, 0.62, -0.3, math.radians(45), "red")
