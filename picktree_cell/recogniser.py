@@ -69,7 +69,7 @@ class CellRecogniser:
         self._rng = np.random.default_rng([seed, 4])
         self._kinds = tuple(sorted({item.kind for item in plant.cell.items if item.kind}))
         model = plant.parts.model
-        self._item_of_geom = np.full(model.ngeom + 1, -1)
+        self._item_of_geom = np.full(len(model.geom_rgba) + 1, -1)
         for number, item in enumerate(plant.cell.items):
             body = model.body(f"item/{item.id}").id
             first = model.body_geomadr[body]

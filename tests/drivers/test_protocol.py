@@ -106,15 +106,15 @@ def findings(draw: st.DrawFn) -> p.Finding:
     )
 
 
-looks = st.builds(
-    lambda name, stamp, pose, data: p.Look(
-        p.CameraInfo(name, "", 4, 3, 5.0, 5.0, 1.5, 1.0), stamp, pose, data
-    ),
-    texts, micros, poses(), st.binary(min_size=84, max_size=84),
-)  # fmt: skip
+@st.composite
+def looks(draw: st.DrawFn) -> p.Look:
+    camera = p.CameraInfo(draw(texts), "", 4, 3, 5.0, 5.0, 1.5, 1.0)
+    return p.Look(camera, draw(micros), draw(poses()), draw(st.binary(min_size=84, max_size=84)))
+
+
 messages = st.one_of(
     st.builds(p.RecogniserInfo, texts, texts, st.lists(texts, max_size=5).map(tuple)),
-    looks,
+    looks(),
     st.builds(p.Findings, micros, st.lists(findings(), max_size=3).map(tuple)),
     st.builds(
         p.Hello, st.sampled_from((p.Wish(0), p.Wish.SHARED_MEMORY)), texts, st.sampled_from((0.1, 1.0))
