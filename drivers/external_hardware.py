@@ -281,7 +281,7 @@ class ExternalHardware:
         """Connect; `speed`: share of the joints' speeds beyond which the robot stops.
 
         `measured`: measurement of the robot. That of another engine is not used. `perception_at`: address of
-        the process that recognises items; empty: there is none.
+        the process that recognises items; empty: no such process.
         """
         self.link = Link(address, speed)
         told = self.link.robot
@@ -301,7 +301,7 @@ class ExternalHardware:
                     "mend it and repeat `picktree robot test --robot-at`"
                 )
             self.recogniser = ExternalRecogniser(perception_at, scene.catalogue) if perception_at else None
-            """Process that recognises items; None: there is none."""
+            """Process that recognises items; None: no such process."""
         except PicktreeError:
             self.link.close()
             raise

@@ -38,7 +38,7 @@ class ExternalRecogniser:
         except protocol.ProtocolError as error:
             raise PicktreeError(f"--perception-at: {error}") from None
         self._wanted = frozenset(entry.kind for entry in catalogue)
-        self._told = frozenset[str]()
+        self._kinds = frozenset[str]()
         self._channel: protocol.Channel | None = None
         self.name = ""
         """Name and model that the process tells."""
@@ -46,11 +46,12 @@ class ExternalRecogniser:
             self._connected()
         except protocol.ProtocolError as error:
             raise PicktreeError(f"--perception-at {self.address}: {error}; start its process first") from None
-        if not self._wanted & self._told:
+        if not self._wanted & self._kinds:
             self.close()
+            known = ", ".join(sorted(self._kinds)) or "nothing"
             raise PicktreeError(
-                f"--perception-at {self.address}: it knows {', '.join(sorted(self._told)) or 'nothing'}, but "
-                f"the scene's catalogue has {', '.join(sorted(self._wanted))}"
+                f"--perception-at {self.address}: it knows {known}, but the scene's catalogue has "
+                f"{', '.join(sorted(self._wanted))}"
             )
 
     def recognise(self, image: RgbdImage) -> tuple[RecognisedItem, ...]:
@@ -99,12 +100,12 @@ class ExternalRecogniser:
             raise protocol.ProtocolError(f"it refuses: {answer.text}")
         if not isinstance(answer, protocol.RecogniserInfo):
             raise protocol.ProtocolError(f"it recognises nothing: it answers with {type(answer).__name__}")
-        self.name, self._told = f"{answer.name} {answer.model}".strip(), frozenset(answer.kinds)
+        self.name, self._kinds = f"{answer.name} {answer.model}".strip(), frozenset(answer.kinds)
         return channel
 
     def _item(self, each: protocol.Finding, image: RgbdImage) -> RecognisedItem:
         """Return a finding as an item. Raises ProtocolError for one that cannot be in this picture."""
-        if each.kind not in self._told:
+        if each.kind not in self._kinds:
             raise protocol.ProtocolError(f"it finds a {each.kind!r}, which it has not named among its kinds")
         if each.colour and each.colour not in COLOURS:
             raise protocol.ProtocolError(
@@ -143,8 +144,10 @@ class ExternalRecogniser:
 
 
 def _is_by_box(pixel: float, first: int, count: int) -> bool:
-    """Return whether a row or column is in a box of pixels, or next to it by at most its size: the picture's
-    border cuts through items, and others hide parts of them."""
+    """Return whether a row or column is in a box of pixels, or at most the box's size away from it.
+
+    The picture's border cuts through items, and other items hide parts of them.
+    """
     return first - count - BOX_MARGIN <= pixel <= first + 2 * count + BOX_MARGIN
 
 

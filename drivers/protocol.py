@@ -43,14 +43,14 @@ RECOGNITION gets RECOGNISER in place of WELCOME; then it sends LOOK and waits fo
    12 LOOK        camera text, stamp u64, width u32, height u32, fx, fy, cx, cy f64, pose f64[7] (believed
                   pose of the camera's optical frame in the world), then the picture's data
    13 FINDINGS    stamp u64 (of the picture), count u16, 0 u16; for each: kind text, colour text (empty:
-                  not told), confidence f64 (0 to 1), gives u8 (1: a mask, 2: a pose), 0 u8[3],
+                  unknown), confidence f64 (0 to 1), gives u8 (1: a mask, 2: a pose), 0 u8[3],
                   box u32[4] (first column, first row, columns, rows), pose f64[7] (item in the camera's
                   optical frame), deviation f64[2] (standard deviation of its position along each axis, m,
                   and of its turn, rad), then with a mask its bits: of the box, row by row, 8 to a byte, the
                   first pixel in the highest bit, the last byte filled with zeros
 
 A pose is x, y, z and the unit quaternion x, y, z, w. The box of an item may be the whole picture when only a
-pose is told.
+pose is given.
 
 The answer to COMMAND is STATE. With `Capability.LOCKSTEP` time passes only by `advance`. Later
 versions may add a robot that sends STATE by itself; kinds from 32 on are reserved for real time, 64 for
@@ -400,13 +400,13 @@ class Finding:
     box: tuple[int, int, int, int]
     """First column, first row, columns and rows of the pixels around it."""
     colour: str = ""
-    """Name of its colour; empty: not told."""
+    """Name of its colour; empty: unknown."""
     confidence: float = 1.0
     """Confidence, 0 … 1."""
     mask: bytes = b""
-    """Pixels of the box that show it, see `pack_mask`; empty: not told."""
+    """Pixels of the box that show it, see `pack_mask`; empty: unknown."""
     pose: Numbers = ()
-    """Its pose in the camera's optical frame: x, y, z, m, and x, y, z, w; empty: not told."""
+    """Its pose in the camera's optical frame: x, y, z, m, and x, y, z, w; empty: unknown."""
     deviation: tuple[float, float] = (0.0, 0.0)
     """Standard deviation of the pose: of the position along each axis, m, and of the turn, rad."""
 
@@ -724,18 +724,18 @@ def _decoded_findings(data: bytes) -> Findings:
         at += _FINDING.size
         name = _from_text(kind)
         box = tuple(numbers[:4])
-        told = _finite([confidence, *numbers[4:]])
-        if not 0.0 <= told[0] <= 1.0:
-            raise ProtocolError(f"a {name} has the confidence {told[0]:g}; it is 0 to 1")
-        if min(told[8:]) < 0.0:
+        values = _finite([confidence, *numbers[4:]])
+        if not 0.0 <= values[0] <= 1.0:
+            raise ProtocolError(f"a {name} has the confidence {values[0]:g}; it is 0 to 1")
+        if min(values[8:]) < 0.0:
             raise ProtocolError(f"a {name} has a negative deviation")
         size = _mask_size(box) if gives & _MASK else 0
         mask = data[at : at + size]
         if len(mask) != size:
             raise ProtocolError(f"the mask of a {name} has {len(mask)} bytes, not {size}")
         at += size
-        pose = _pose(told[1:8]) if gives & _POSE else ()
-        items.append(Finding(name, box, _from_text(colour), told[0], mask, pose, (told[8], told[9])))
+        pose = _pose(values[1:8]) if gives & _POSE else ()
+        items.append(Finding(name, box, _from_text(colour), values[0], mask, pose, (values[8], values[9])))
     if at != len(data):
         raise ProtocolError(f"{count} findings are followed by {len(data) - at} bytes")
     return Findings(stamp / 1e6, tuple(items))

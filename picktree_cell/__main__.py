@@ -44,11 +44,16 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--clients", type=int, default=0, help="end after that number of clients")
     parser.add_argument("--score", type=Path, help="JSON file for the score at the end; else it is printed")
     parser.add_argument("--perception-at", help="socket at which a recogniser of the items listens, too")
-    parser.add_argument("--perception-noise", type=float, default=0.0, help="noise of told positions, m")
+    parser.add_argument("--perception-noise", type=float, default=0.0, help="noise of reported positions, m")
     parser.add_argument(
-        "--perception-gives", choices=GIVES, default="pose", help="what is told of an item; pose: a mask, too"
+        "--perception-gives",
+        choices=GIVES,
+        default="pose",
+        help="content of findings; pose: with a mask",
     )
-    parser.add_argument("--wrong-labels", type=float, default=0.0, help="share of items told as another one")
+    parser.add_argument(
+        "--wrong-labels", type=float, default=0.0, help="share of items under another one's name"
+    )
     options = parser.parse_args(arguments)
     signal.signal(signal.SIGTERM, _end)
     try:

@@ -1,6 +1,6 @@
 """Recogniser of a cell: items in pictures by the plant's own truth, with noise and wrong labels.
 
-It stands in for a network that recognises items. The pose of an item is that in the true camera's frame, at
+It replaces a network that recognises items. The pose of an item is that in the true camera's frame, at
 the time of the answer: in lockstep nothing moves between a picture and its answer.
 """
 
@@ -124,7 +124,7 @@ class CellRecogniser:
         return tuple(findings)
 
     def _label(self, item: ItemEntry) -> ItemEntry:
-        """Return the item whose kind and colour are told for an item."""
+        """Return the item whose kind and colour are reported for an item."""
         wrong = self._rng.random() < self._faults.wrong_labels
         others = [
             each
@@ -143,8 +143,8 @@ class CellRecogniser:
         mujoco.mju_quat2Mat(turn, quaternion)
         within = rotation.T @ (position - origin) + self._faults.noise * rng.standard_normal(3)
         error = _rotation(TURN_PER_METRE * self._faults.noise * rng.standard_normal(3))
-        told = _quaternion(error @ rotation.T @ turn.reshape(3, 3))
-        return (*map(float, within), *map(float, told))
+        reported = _quaternion(error @ rotation.T @ turn.reshape(3, 3))
+        return (*map(float, within), *map(float, reported))
 
     def _camera(self, name: str) -> tuple[Array, Array]:
         """Return position (3,) and rotation (3, 3) of a camera's true optical frame in the world."""

@@ -69,7 +69,7 @@ class CapturedImage:
     """Simulated time of capture, s."""
     held: BeliefObject | None
     """Held object as believed at the time of capture; None: the hand was empty."""
-    told: tuple[RecognisedItem, ...] | None = None
+    reported: tuple[RecognisedItem, ...] | None = None
     """Items that the recogniser has found in the image; None: it was not asked."""
 
 
@@ -178,7 +178,9 @@ class Vision:
         that of an observation; the belief does not change."""
         shot = yield from self._patiently(lambda: self.capture_now(camera))
         with self._stopwatch.measure("perception"):
-            found = self._perceive.track(shot.image, shot.joints, shot.width, shot.held, objects, shot.told)
+            found = self._perceive.track(
+                shot.image, shot.joints, shot.width, shot.held, objects, shot.reported
+            )
         yield from self._charge()
         seen = sorted({str(s.object) for s in found if math.isfinite(s.misfit)})
         self._journal.note(ImageEntry(shot.image, tuple(seen)))
@@ -224,7 +226,7 @@ class Vision:
         memory, doubted = self.memories.get(shot.image.camera), self._doubted()
         believed = [o for o in self._scene.objects if o.place == world_facts.ASIDE or o.id not in doubted]
         work = self._perceive.understand(
-            shot.image, shot.joints, shot.width, shot.held, known, memory, believed, shot.told
+            shot.image, shot.joints, shot.width, shot.held, known, memory, believed, shot.reported
         )
         return Look(shot, work, self._stopwatch)
 
@@ -261,8 +263,8 @@ class Vision:
                 f"the depth of {camera} is {factor:.0f} times as noisy as it should be: no image can be used"
             )
             raise Failure(perception.NO_IMAGE, message, camera=camera, noise=round(factor, 1))
-        told = self._recognised(image) if recognise else None
-        return CapturedImage(image, self._joints(), self._width(), now, self._scene.held, told)
+        reported = self._recognised(image) if recognise else None
+        return CapturedImage(image, self._joints(), self._width(), now, self._scene.held, reported)
 
     def _recognised(self, image: RgbdImage) -> tuple[RecognisedItem, ...] | None:
         """Return the items that the recogniser finds; None without one."""

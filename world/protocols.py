@@ -139,7 +139,7 @@ class RecognisedItem:
     kind: str
     """Kind of the catalogue."""
     colour: str
-    """Name of its colour; empty: not told."""
+    """Name of its colour; empty: unknown."""
     confidence: float
     """Confidence, 0 … 1."""
     rows: NDArray[np.intp]
@@ -149,11 +149,11 @@ class RecognisedItem:
     masked: bool
     """Whether the pixels show the item alone. Else they are a box around it."""
     pose: Pose | None = None
-    """Its pose in the camera's optical frame; None: not told."""
+    """Its pose in the camera's optical frame; None: unknown."""
     sigma_position: float = 0.0
-    """Standard deviation of the position along each axis, m; 0: not told."""
+    """Standard deviation of the position along each axis, m; 0: unknown."""
     sigma_angle: float = 0.0
-    """Standard deviation of the turn, rad; 0: not told."""
+    """Standard deviation of the turn, rad; 0: unknown."""
 
 
 class NotRecognised(Exception):

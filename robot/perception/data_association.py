@@ -45,12 +45,12 @@ KIND_MISMATCH_COST = 0.02
 MIN_CONFIDENCE_SHARE = 0.8
 """Share of the belief's confidence below which a detection sees the object worse than before."""
 SAME_PLACE_DISTANCE = 0.02
-"""Distance within which a told detection of another kind or colour is the believed object, m: two items are
-not so near each other."""
-MAX_TOLD_CONFIDENCE = 0.99
-"""Greatest confidence in a told kind and colour, however often they were told."""
+"""Distance within which a reported detection of another kind or colour is the believed object, m. Two items
+are not so near each other."""
+MAX_REPORTED_CONFIDENCE = 0.99
+"""Greatest confidence in a reported kind and colour."""
 MIN_LEAD = 1e-6
-"""Least lead of a told kind and colour over the believed ones, in log-odds. Even odds change nothing."""
+"""Least lead of a reported kind and colour over the believed ones, in log-odds. Even odds change nothing."""
 HELD_DISTANCE = 0.06
 """Distance from the held object within which a detection of its colour is the held object, m."""
 MIN_SHARE_IN_VOLUME = 0.6
@@ -97,7 +97,7 @@ def update_belief(
     An attached object is not touched. An item is removed only when its place is clearly seen to be empty, or
     when it was given up at a merely supposed place. A detection at the place of a given-up item is that item
     in any colour: a camera may mistake the colour. Confirmed objects are seen where they are believed. Kind
-    and colour that another process tells are weighed against the believed ones.
+    and colour that another process reports are weighed against the believed ones.
     """
     held = scene.held
     if held is not None and held_at is not None:
@@ -183,8 +183,8 @@ def _is_alike(item: BeliefObject, detection: Detection) -> bool:
 
 
 def _contradicts(item: BeliefObject, detection: Detection) -> bool:
-    """Return whether a told detection is so near that it is the item, by another name."""
-    return detection.told and item.pose.distance(detection.pose) < SAME_PLACE_DISTANCE
+    """Return whether a reported detection is so near that it is the item, by another name."""
+    return detection.reported and item.pose.distance(detection.pose) < SAME_PLACE_DISTANCE
 
 
 def _shows_held(held: BeliefObject, detection: Detection) -> bool:
@@ -287,16 +287,16 @@ def _updated_belief(
     A better earlier estimate is kept while the view bears it out: of a half hidden object only the visible
     half counts. An item that was given up stays so where it lay. Found elsewhere, it may be handled again.
     """
-    if detection.told:
+    if detection.reported:
         # The pictures count as independent of each other.
-        believed, told = _log_odds(item.confidence), _log_odds(detection.confidence)
+        believed, reported = _log_odds(item.confidence), _log_odds(detection.confidence)
         if _is_alike(item, detection):
-            told += believed
-        elif told < believed + MIN_LEAD:
-            return replace(item, confidence=_share_of_odds(max(believed - told, 0.0)), last_seen=now)
+            reported += believed
+        elif reported < believed + MIN_LEAD:
+            return replace(item, confidence=_share_of_odds(max(believed - reported, 0.0)), last_seen=now)
         else:
-            told -= believed
-        detection = replace(detection, confidence=min(_share_of_odds(told), MAX_TOLD_CONFIDENCE))
+            reported -= believed
+        detection = replace(detection, confidence=min(_share_of_odds(reported), MAX_REPORTED_CONFIDENCE))
     place = item.place if _is_given_up(item, detection) else detection.place
     worse = detection.confidence < MIN_CONFIDENCE_SHARE * item.confidence
     if worse and view.look(item.shape, item.pose, item.colour).is_confirmed:
@@ -306,8 +306,8 @@ def _updated_belief(
 
 
 def _log_odds(confidence: float) -> float:
-    least = 1.0 - MAX_TOLD_CONFIDENCE
-    bounded = min(max(confidence, least), MAX_TOLD_CONFIDENCE)
+    least = 1.0 - MAX_REPORTED_CONFIDENCE
+    bounded = min(max(confidence, least), MAX_REPORTED_CONFIDENCE)
     return math.log(bounded / (1.0 - bounded))
 
 

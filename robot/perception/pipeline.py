@@ -120,15 +120,15 @@ cut blobs are ignored: another picture shows them better."""
 SUPPORT_ABOVE = 0.005
 """Height above a patch's top up to which a surface may be its support, m: depth has noise."""
 SURFACE_TOLERANCE = 0.015
-"""Distance of a pixel's depth from the surface at a told pose up to which the pixel shows the item, m."""
-TOLD_SIGMAS = 3.0
-"""Standard deviations of a told pose within which it rests on its support."""
-TOLD_POSITION_SIGMA, TOLD_ANGLE_SIGMA = 0.003, 0.05
-"""Standard deviations of a told pose whose own are not told, m and rad."""
+"""Distance of a pixel's depth from the surface at a reported pose up to which the pixel shows the item, m."""
+MAX_REST_SIGMAS = 3.0
+"""Standard deviations of a reported pose within which it rests on its support."""
+DEFAULT_POSITION_SIGMA, DEFAULT_ANGLE_SIGMA = 0.003, 0.05
+"""Standard deviations of a reported pose without its own, m and rad."""
 MIN_SUNK_DEPTH = 0.005
 """Depth of an item's lowest point below the face around a hole from which the item is in the hole, m."""
 MIN_ITEM_DISTANCE = 0.01
-"""Distance of two told items' centres below which they are one, m."""
+"""Distance of two reported items' centres below which they are one, m."""
 MAX_POSITION_SIGMA = 0.012
 """Standard deviation of a position from which on a fit is no detection, m."""
 
@@ -184,7 +184,7 @@ class Perception:
         known: Sequence[BeliefObject] = (),
         memory: PictureMemory | None = None,
         believed: Sequence[BeliefObject] = (),
-        told: Sequence[RecognisedItem] | None = None,
+        reported: Sequence[RecognisedItem] | None = None,
     ) -> Generator[int, None, PerceivedView]:
         """Compute the view in a picture, taken with the arm at `joints` (n,) rad and the fingers `width` m
         open. Yields the work so far after each part of it, in `WORK_PER_TICK`: a fit counts as 1.
@@ -193,17 +193,17 @@ class Perception:
         recognised, except those that have not changed since the `memory` of this camera understood them, and
         whose objects are `believed`.
 
-        `told`: items that another process has recognised in the picture. With them nothing is recognised by
-        colour, and neither `known` objects nor the `memory` count.
+        `reported`: items that another process has recognised in the picture. With them nothing is recognised
+        by colour, and neither `known` objects nor the `memory` count.
         """
-        shot = self._shot(image, joints, width, held, told)
+        shot = self._shot(image, joints, width, held, reported)
         picture, finding = shot.picture, _Finding(self, shot, known)
         yield WORK_PER_TICK
         unchanged = UnchangedContents()
-        if memory is not None and not shot.moving and told is None:
+        if memory is not None and not shot.moving and reported is None:
             unchanged = memory.compare(picture, shot.noise, believed, image.stamp)
             finding.unexplained += unchanged.unexplained
-        for _ in finding.items(unchanged) if told is None else finding.told_items(told):
+        for _ in finding.items(unchanged) if reported is None else finding.reported_items(reported):
             yield WORK_PER_TICK + finding.fitter.count.fits
         yield 2 * WORK_PER_TICK + finding.fitter.count.fits
         finding.things()
@@ -236,11 +236,11 @@ class Perception:
         width: float,
         held: BeliefObject | None,
         objects: Sequence[BeliefObject],
-        told: Sequence[RecognisedItem] | None = None,
+        reported: Sequence[RecognisedItem] | None = None,
     ) -> tuple[TrackedSighting, ...]:
         """Locate objects that are believed to be in the picture; see `known_object_fitting`. It is cheaper
-        and surer than `detect`, because nothing has to be recognised. `told` as in `understand`."""
-        shot = self._shot(image, joints, width, held, told)
+        and surer than `detect`, because nothing has to be recognised. `reported` as in `understand`."""
+        shot = self._shot(image, joints, width, held, reported)
         fitter = ItemFitter(self.rests, shot.picture.sight, shot.noise, shot.rough)
         return track_objects(shot.picture, fitter, objects)
 
@@ -260,7 +260,7 @@ class Perception:
         joints: Array,
         width: float,
         held: BeliefObject | None,
-        told: Sequence[RecognisedItem] | None = None,
+        reported: Sequence[RecognisedItem] | None = None,
     ) -> MaskedPicture:
         moving = image.camera in self.moving
         whole = image
@@ -270,8 +270,8 @@ class Perception:
         believed = PosedCamera.at(image.intrinsics, image.camera_in_world)
         backdrop = self._backdrop(believed, image)
         stride = max(1, round(whole.intrinsics.fx / image.intrinsics.fx))
-        own = told is None
-        label = segmentation.labels(image.colour) if own else _told_labels(told, depth.shape, stride)
+        own = reported is None
+        label = segmentation.labels(image.colour) if own else _reported_labels(reported, depth.shape, stride)
         in_hand = held_part(held)
         if moving:
             # From near, items and fingers may fill more of the picture than the table does.
@@ -324,10 +324,12 @@ class Perception:
         return self._floors.under(x, y, below)
 
 
-def _told_labels(told: Sequence[RecognisedItem], shape: tuple[int, ...], stride: int) -> NDArray[np.uint8]:
-    """Return the labels (h, w) of the pixels in the masks of told items."""
+def _reported_labels(
+    reported: Sequence[RecognisedItem], shape: tuple[int, ...], stride: int
+) -> NDArray[np.uint8]:
+    """Return the labels (h, w) of the pixels in the masks of reported items."""
     label = np.zeros(shape, np.uint8)
-    for each in told:
+    for each in reported:
         if each.masked:
             label[_kept_pixels(each, stride)] = segmentation.label_of(each.colour)
     return label
@@ -411,27 +413,27 @@ class _Finding:
         clean = cv2.medianBlur(raised.astype(np.uint8), 3)
         return clean.astype(np.bool_)
 
-    def told_items(self, told: Sequence[RecognisedItem]) -> Iterator[None]:
+    def reported_items(self, reported: Sequence[RecognisedItem]) -> Iterator[None]:
         """Detect the items that another process has recognised; yield after each part of the work. An item
         without a pose is fitted to its pixels. The more confident of two items at one place is taken."""
-        ordered = sorted(told, key=lambda each: -each.confidence)
-        patches = [self._told_patch(each) for each in ordered]
+        ordered = sorted(reported, key=lambda each: -each.confidence)
+        patches = [self._reported_patch(each) for each in ordered]
         for each, patch in zip(ordered, patches, strict=True):
             if patch is None or patch.measured < 4:
                 continue
             before = len(self.detections)
             if each.pose is None:
-                yield from self._fit_told(each, patch)
+                yield from self._fit_reported(each, patch)
             else:
-                self._place_told(each, each.pose, patch)
+                self._place_reported(each, each.pose, patch)
             fresh, self.detections[before:] = self.detections[before:], []
             for seen in fresh:
                 if all(seen.pose.distance(d.pose) > MIN_ITEM_DISTANCE for d in self.detections):
                     self.detections.append(seen)
             yield
 
-    def _told_patch(self, each: RecognisedItem) -> PixelPatch | None:
-        """Claim the visible pixels of a told item; None without enough of them.
+    def _reported_patch(self, each: RecognisedItem) -> PixelPatch | None:
+        """Claim the visible pixels of a reported item; None without enough of them.
 
         In a box they are those at its pose, or without a pose the largest raised patch.
         """
@@ -457,8 +459,8 @@ class _Finding:
         picture.label[rows, columns] = label
         return picture.claim(rows, columns, label)
 
-    def _fit_told(self, each: RecognisedItem, patch: PixelPatch) -> Iterator[None]:
-        """Fit a told kind to its pixels, and accept the best fit."""
+    def _fit_reported(self, each: RecognisedItem, patch: PixelPatch) -> Iterator[None]:
+        """Fit a reported kind to its pixels, and accept the best fit."""
         floor = self._floor(patch.rows, patch.columns, patch.top)
         if floor.heaped:
             return
@@ -478,16 +480,18 @@ class _Finding:
         else:
             self._settle(blob, hypotheses, floor)
         self.detections[before:] = [
-            replace(d, colour=each.colour or "grey", confidence=min(d.confidence, each.confidence), told=True)
+            replace(
+                d, colour=each.colour or "grey", confidence=min(d.confidence, each.confidence), reported=True
+            )
             for d in self.detections[before:]
         ]
 
-    def _place_told(self, each: RecognisedItem, told: Pose, patch: PixelPatch) -> None:
-        """Accept an item at its told pose. One that rests on its support within the pose's deviation is
+    def _place_reported(self, each: RecognisedItem, reported: Pose, patch: PixelPatch) -> None:
+        """Accept an item at its reported pose. One that rests on its support within the pose's deviation is
         placed exactly on it."""
         perception = self.perception
-        sigma = each.sigma_position or TOLD_POSITION_SIGMA
-        pose = self._in_world(told)
+        sigma = each.sigma_position or DEFAULT_POSITION_SIGMA
+        pose = self._in_world(reported)
         x, y, z = pose.position
         floor = perception.floor(x, y, z + SUPPORT_ABOVE)
         if floor.heaped:
@@ -503,7 +507,7 @@ class _Finding:
             mouth = perception.mouths.near(x, y)
             if mouth is not None and lowest < mouth.height - MIN_SUNK_DEPTH:
                 place = mouth.id
-            elif abs(lowest - floor.height) < max(HEIGHT_GATE, TOLD_SIGMAS * sigma):
+            elif abs(lowest - floor.height) < max(HEIGHT_GATE, MAX_REST_SIGMAS * sigma):
                 centre = np.array([x, y, floor.height + stand.rest.below])
                 pose = Pose.from_rotation(centre, StandingPose(stand.rest, centre, stand.yaw).turned)
         self.detections.append(
@@ -514,11 +518,11 @@ class _Finding:
                 each.colour or "grey",
                 pose,
                 sigma,
-                math.pi if not turn else max(each.sigma_angle or TOLD_ANGLE_SIGMA, 2e-3),
+                math.pi if not turn else max(each.sigma_angle or DEFAULT_ANGLE_SIGMA, 2e-3),
                 each.confidence,
                 turn,
                 place,
-                told=True,
+                reported=True,
             )
         )
 

@@ -102,9 +102,9 @@ def test_a_view_through_the_same_eyes_changes_nothing_but_the_time() -> None:
     assert {o.id: o.pose for o in scene.objects} == before
 
 
-def test_a_name_that_another_process_tells_is_weighed_against_the_believed_one() -> None:
+def test_a_name_that_another_process_reports_is_weighed_against_the_believed_one() -> None:
     """A single wrong name changes nothing but the confidence; the object stays itself under its new name."""
-    red = Detection("block", "box", BLOCK, "red", RED.pose, 0.003, 0.03, 0.9, told=True)
+    red = Detection("block", "box", BLOCK, "red", RED.pose, 0.003, 0.03, 0.9, reported=True)
     near = Pose((RED.pose.position[0] + 0.008, *RED.pose.position[1:]))
     can = replace(red, kind="can", form="cylinder", shape=CAN, colour="blue", pose=near)
     scene = empty_scene()

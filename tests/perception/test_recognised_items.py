@@ -24,7 +24,7 @@ PICTURE = photograph([replace(each, colour="grey") for each in THINGS.values()],
 COLOURS = segmentation.labels(photograph(list(THINGS.values()), noise=0.0, scene=CELL).colour)
 
 
-def told(kind: str, *, masked: bool = True) -> RecognisedItem:
+def reported(kind: str, *, masked: bool = True) -> RecognisedItem:
     rows, columns = np.nonzero(np.equal(COLOURS, segmentation.label_of(THINGS[kind].colour)))
     if not masked:
         mask = np.zeros(COLOURS.shape, bool)
@@ -34,7 +34,7 @@ def told(kind: str, *, masked: bool = True) -> RecognisedItem:
 
 
 def seen(*items: RecognisedItem) -> PerceivedView:
-    work = Perception(CELL, Robot()).understand(PICTURE, np.zeros(7), 0.08, None, told=items)
+    work = Perception(CELL, Robot()).understand(PICTURE, np.zeros(7), 0.08, None, reported=items)
     while True:
         try:
             next(work)
@@ -50,18 +50,18 @@ def error(view: PerceivedView, thing: Thing, kind: str) -> float:
 
 @pytest.mark.parametrize("masked", [True, False])
 def test_a_mask_or_a_box_is_enough_for_a_pose(masked: bool) -> None:
-    view = seen(*(told(kind, masked=masked) for kind in THINGS))
+    view = seen(*(reported(kind, masked=masked) for kind in THINGS))
     assert view.unexplained == ()
     assert all(error(view, thing, kind) < 0.003 for kind, thing in THINGS.items())
 
 
-def test_an_item_is_placed_at_its_told_pose_on_its_support() -> None:
-    """Height and tilt of a told pose are noise as long as the item may rest on the table. What is not told
+def test_an_item_is_placed_at_its_reported_pose_on_its_support() -> None:
+    """Height and tilt of a reported pose are noise as long as the item may rest on the table. Any other item
     stays an obstacle, and of two items at one place there is one."""
     block = THINGS["block"]
     wrong = Pose((0.003, 0.002, 0.004)) @ block.pose @ Pose.from_rpy((0, 0, 0), (0.03, 0.02, 0.04))
-    item = replace(told("block"), pose=DOWN.inverse() @ wrong, sigma_position=0.003, sigma_angle=0.03)
-    boxed = replace(told("block", masked=False), pose=item.pose, sigma_position=0.003, confidence=0.5)
+    item = replace(reported("block"), pose=DOWN.inverse() @ wrong, sigma_position=0.003, sigma_angle=0.03)
+    boxed = replace(reported("block", masked=False), pose=item.pose, sigma_position=0.003, confidence=0.5)
     for items in ((item,), (boxed, item), (replace(boxed, confidence=0.7),)):
         view = seen(*items)
         assert len(view.unexplained) == 1  # the can; a plate of 6 mm is too thin
