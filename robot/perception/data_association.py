@@ -46,7 +46,7 @@ MIN_CONFIDENCE_SHARE = 0.8
 """Share of the belief's confidence below which a detection sees the object worse than before."""
 SAME_PLACE_DISTANCE = 0.02
 """Distance within which a reported detection of another kind or colour is the believed object, m. Two items
-are not so near each other."""
+are not so near each other. Uncertain positions widen it."""
 MAX_REPORTED_CONFIDENCE = 0.99
 """Greatest confidence in a reported kind and colour."""
 MIN_LEAD = 1e-6
@@ -184,7 +184,9 @@ def _is_alike(item: BeliefObject, detection: Detection) -> bool:
 
 def _contradicts(item: BeliefObject, detection: Detection) -> bool:
     """Return whether a reported detection is so near that it is the item, by another name."""
-    return detection.reported and item.pose.distance(detection.pose) < SAME_PLACE_DISTANCE
+    spread = 3.0 * math.hypot(item.sigma_position, detection.sigma_position)
+    reach = min(max(SAME_PLACE_DISTANCE, spread), MATCH_DISTANCE)
+    return detection.reported and item.pose.distance(detection.pose) < reach
 
 
 def _shows_held(held: BeliefObject, detection: Detection) -> bool:
