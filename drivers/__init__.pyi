@@ -1,6 +1,7 @@
 # for other rooms
 from . import protocol as protocol
 from .external_hardware import ExternalHardware as ExternalHardware
+from .external_recogniser import ExternalRecogniser as ExternalRecogniser
 from .measurement import (
     RobotMeasurement as RobotMeasurement,
     measurement_path as measurement_path,

@@ -40,6 +40,7 @@ from picktree.world.robot_model import RobotDescription, RobotModel
 from picktree.world.scene import CameraDescription, SceneDescription
 
 from . import protocol
+from .external_recogniser import ExternalRecogniser
 from .measurement import RobotMeasurement
 
 EVERYDAY_PERIOD: Final = 0.005
@@ -275,10 +276,12 @@ class ExternalHardware:
         address: str,
         speed: float = 1.0,
         measured: RobotMeasurement | None = None,
+        perception_at: str = "",
     ) -> None:
         """Connect; `speed`: share of the joints' speeds beyond which the robot stops.
 
-        `measured`: measurement of the robot. That of another engine is not used.
+        `measured`: measurement of the robot. That of another engine is not used. `perception_at`: address of
+        the process that recognises items; empty: no such process.
         """
         self.link = Link(address, speed)
         told = self.link.robot
@@ -297,6 +300,8 @@ class ExternalHardware:
                     f"the robot at {self.link.address} failed its test: {'; '.join(self.measured.refused)}; "
                     "mend it and repeat `picktree robot test --robot-at`"
                 )
+            self.recogniser = ExternalRecogniser(perception_at, scene.catalogue) if perception_at else None
+            """Process that recognises items; None: no such process."""
         except PicktreeError:
             self.link.close()
             raise
@@ -378,6 +383,7 @@ class ExternalHardware:
             "capabilities": ", ".join(str(each.name).lower() for each in told.capabilities),
             "period": f"{EVERYDAY_PERIOD} s",
             **({} if self.measured is None else {"measured": repr(self.measured)}),
+            **({} if self.recogniser is None else {"perception": self.recogniser.name}),
             **({} if told.speed == 1.0 else {"speed": f"{100 * told.speed:g} %"}),
         }
 
@@ -400,8 +406,10 @@ class ExternalHardware:
         return min(self._history, key=lambda each: abs(each[0] - time))[1]
 
     def close(self) -> None:
-        """Let the robot brake and end the connection."""
+        """Let the robot brake and end the connections."""
         self.link.close()
+        if self.recogniser is not None:
+            self.recogniser.close()
 
     def _message(self, advance: float) -> protocol.Command:
         mode, numbers, velocity, ahead = self.command

@@ -1,5 +1,5 @@
-"""Protocol between picktree and the process that moves a robot. This file needs numpy and nothing of
-picktree.
+"""Protocol between picktree and the process that moves a robot, or one that recognises items in pictures.
+This file needs numpy and nothing of picktree.
 
 Transport: a stream socket, Unix or TCP. Every message is a frame: a header of 12 bytes, then its payload. All
 numbers are little-endian and without padding. SI units, radians. Times are in µs of the robot's clock, u64. A
@@ -35,6 +35,22 @@ message and waits for its answer:
     8 CLEAR     empty: the stop is acknowledged. The answer is STATE
     9 BYE       empty: the robot brakes and waits for another client
    10 REFUSAL   code u16 (`Refused`), then UTF-8 to the end
+
+A process that recognises items listens at an address of its own. A client whose HELLO has the wish
+RECOGNITION gets RECOGNISER in place of WELCOME; then it sends LOOK and waits for FINDINGS:
+
+   11 RECOGNISER  name text, model text, kinds u16, 0 u16; for each kind that it can name: text
+   12 LOOK        camera text, stamp u64, width u32, height u32, fx, fy, cx, cy f64, pose f64[7] (believed
+                  pose of the camera's optical frame in the world), then the picture's data
+   13 FINDINGS    stamp u64 (of the picture), count u16, 0 u16; for each: kind text, colour text (empty:
+                  unknown), confidence f64 (0 to 1), gives u8 (1: a mask, 2: a pose), 0 u8[3],
+                  box u32[4] (first column, first row, columns, rows), pose f64[7] (item in the camera's
+                  optical frame), deviation f64[2] (standard deviation of its position along each axis, m,
+                  and of its turn, rad), then with a mask its bits: of the box, row by row, 8 to a byte, the
+                  first pixel in the highest bit, the last byte filled with zeros
+
+A pose is x, y, z and the unit quaternion x, y, z, w. The box of an item may be the whole picture when only a
+pose is given.
 
 The answer to COMMAND is STATE. With `Capability.LOCKSTEP` time passes only by `advance`. Later
 versions may add a robot that sends STATE by itself; kinds from 32 on are reserved for real time, 64 for
@@ -72,12 +88,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 VERSION: Final = 2
-"""Version of the protocol. Peers of different versions refuse each other."""
+"""Version of the protocol. Peers of different versions refuse each other. A new kind of message leaves it as
+it is: who does not know the kind refuses it."""
 MAGIC: Final = b"PTRB"
 TEXT_LENGTH: Final = 64
 """Length of a text, bytes."""
 MAX_JOINTS, MAX_CAMERAS = 16, 16
 """Greatest number of joints and of cameras."""
+MAX_FINDINGS, MAX_KINDS = 1000, 1000
+"""Greatest number of items in a picture, and of kinds that a recogniser names."""
 MAX_PAYLOAD: Final = 32 << 20
 """Greatest length of a payload, bytes."""
 PREVIEW_TIMES: Final = (0.03, 0.06, 0.10, 0.15)
@@ -98,6 +117,11 @@ _CAPTURE = struct.Struct("<B7x")
 _PICTURE = struct.Struct("<BBHIQ")
 _STOP = struct.Struct("<H")
 _REFUSAL = struct.Struct("<H")
+_RECOGNISER = struct.Struct("<64s64sHH")
+_LOOK = struct.Struct("<64sQII4d7d")
+_FINDINGS = struct.Struct("<QHH")
+_FINDING = struct.Struct("<64s64sdB3x4I7d2d")
+_MASK, _POSE = 1, 2
 
 Numbers: TypeAlias = tuple[float, ...]
 
@@ -119,6 +143,9 @@ class Kind(IntEnum):
     CLEAR = 8
     BYE = 9
     REFUSAL = 10
+    RECOGNISER = 11
+    LOOK = 12
+    FINDINGS = 13
 
 
 class Wish(IntFlag):
@@ -126,6 +153,8 @@ class Wish(IntFlag):
 
     SHARED_MEMORY = 1
     """Pictures in shared memory: client and robot are on one machine."""
+    RECOGNITION = 2
+    """The client wants items recognised, not a robot moved."""
 
 
 class Capability(IntFlag):
@@ -340,8 +369,71 @@ class Refusal:
     text: str
 
 
+@dataclass(frozen=True, slots=True)
+class RecogniserInfo:
+    """Answer to a `Hello` with the wish for recognition."""
+
+    name: str
+    model: str
+    kinds: tuple[str, ...]
+    """Kinds of items that it can name."""
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """Picture in which items are to be recognised."""
+
+    camera: CameraInfo
+    """Camera without a segment: the picture is inline."""
+    stamp: float
+    pose: Numbers
+    """Believed pose of the camera's optical frame in the world: x, y, z, m, and x, y, z, w."""
+    data: bytes
+    """Colour and depth, see `split_picture`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Item in a picture."""
+
+    kind: str
+    box: tuple[int, int, int, int]
+    """First column, first row, columns and rows of the pixels around it."""
+    colour: str = ""
+    """Name of its colour; empty: unknown."""
+    confidence: float = 1.0
+    """Confidence, 0 … 1."""
+    mask: bytes = b""
+    """Pixels of the box that show it, see `pack_mask`; empty: unknown."""
+    pose: Numbers = ()
+    """Its pose in the camera's optical frame: x, y, z, m, and x, y, z, w; empty: unknown."""
+    deviation: tuple[float, float] = (0.0, 0.0)
+    """Standard deviation of the pose: of the position along each axis, m, and of the turn, rad."""
+
+
+@dataclass(frozen=True, slots=True)
+class Findings:
+    """Answer to `Look`."""
+
+    stamp: float
+    """Time of the picture, s."""
+    items: tuple[Finding, ...] = ()
+
+
 Message: TypeAlias = (
-    Hello | Welcome | Command | State | Capture | Picture | StopRequest | Clear | Bye | Refusal
+    Hello
+    | Welcome
+    | Command
+    | State
+    | Capture
+    | Picture
+    | StopRequest
+    | Clear
+    | Bye
+    | Refusal
+    | RecogniserInfo
+    | Look
+    | Findings
 )
 
 
@@ -376,6 +468,16 @@ def _encoded(message: Message) -> tuple[Kind, bytes]:
             return Kind.BYE, b""
         case Refusal(code, text):
             return Kind.REFUSAL, _REFUSAL.pack(code) + text.encode()
+        case RecogniserInfo(name, model, kinds):
+            head = _RECOGNISER.pack(_to_text(name), _to_text(model), len(kinds), 0)
+            texts = (_to_text(each).ljust(TEXT_LENGTH, b"\0") for each in kinds)
+            return Kind.RECOGNISER, head + b"".join(texts)
+        case Look(camera, stamp, pose, data):
+            lens = camera.fx, camera.fy, camera.cx, camera.cy
+            size = camera.width, camera.height
+            return Kind.LOOK, _LOOK.pack(_to_text(camera.name), _to_micro(stamp), *size, *lens, *pose) + data
+        case Findings():
+            return Kind.FINDINGS, _encoded_findings(message)
 
 
 def _encoded_welcome(m: Welcome) -> bytes:
@@ -441,6 +543,19 @@ def _encoded_state(m: State) -> bytes:
     return head + struct.pack(f"<{len(numbers)}d", *numbers)
 
 
+def _encoded_findings(m: Findings) -> bytes:
+    parts = [_FINDINGS.pack(_to_micro(m.stamp), len(m.items), 0)]
+    for each in m.items:
+        gives = (_MASK if each.mask else 0) | (_POSE if each.pose else 0)
+        pose = each.pose or (0.0,) * 7
+        texts = _to_text(each.kind), _to_text(each.colour)
+        if each.mask and len(each.mask) != _mask_size(each.box):
+            raise ProtocolError(f"the mask of a {each.kind} has {len(each.mask)} bytes")
+        parts.append(_FINDING.pack(*texts, each.confidence, gives, *each.box, *pose, *each.deviation))
+        parts.append(each.mask)
+    return b"".join(parts)
+
+
 def decode_header(data: bytes) -> tuple[int, int]:
     """Return kind and payload length of a header.
 
@@ -498,6 +613,12 @@ def _decoded(kind: Kind, data: bytes) -> Message:
         case Kind.REFUSAL:
             (code,) = _REFUSAL.unpack(data[: _REFUSAL.size])
             return Refusal(Refused(code), data[_REFUSAL.size :].decode())
+        case Kind.RECOGNISER:
+            return _decoded_recogniser(data)
+        case Kind.LOOK:
+            return _decoded_look(data)
+        case Kind.FINDINGS:
+            return _decoded_findings(data)
 
 
 def _decoded_welcome(data: bytes) -> Welcome:
@@ -572,6 +693,62 @@ def _decoded_state(data: bytes) -> State:
         bool(busy),
         Stop(stop),
     )
+
+
+def _decoded_recogniser(data: bytes) -> RecogniserInfo:
+    name, model, count, _ = _RECOGNISER.unpack(data[: _RECOGNISER.size])
+    rest = data[_RECOGNISER.size :]
+    if count > MAX_KINDS or len(rest) != count * TEXT_LENGTH:
+        raise ProtocolError(f"a recogniser of {count} kinds comes with {len(rest)} bytes")
+    kinds = (_from_text(rest[at : at + TEXT_LENGTH]) for at in range(0, len(rest), TEXT_LENGTH))
+    return RecogniserInfo(_from_text(name), _from_text(model), tuple(kinds))
+
+
+def _decoded_look(data: bytes) -> Look:
+    name, stamp, width, height, *numbers = _LOOK.unpack(data[: _LOOK.size])
+    lens = _finite(numbers)
+    camera = CameraInfo(_from_text(name), "", width, height, *lens[:4])
+    picture = data[_LOOK.size :]
+    if len(picture) != camera.picture_size or not picture:
+        raise ProtocolError(f"a picture of {width} × {height} pixels comes with {len(picture)} bytes")
+    return Look(camera, stamp / 1e6, _pose(lens[4:]), picture)
+
+
+def _decoded_findings(data: bytes) -> Findings:
+    stamp, count, _ = _FINDINGS.unpack(data[: _FINDINGS.size])
+    if count > MAX_FINDINGS:
+        raise ProtocolError(f"a picture has at most {MAX_FINDINGS} findings, not {count}")
+    at, items = _FINDINGS.size, list[Finding]()
+    for _ in range(count):
+        kind, colour, confidence, gives, *numbers = _FINDING.unpack_from(data, at)
+        at += _FINDING.size
+        name = _from_text(kind)
+        box = tuple(numbers[:4])
+        values = _finite([confidence, *numbers[4:]])
+        if not 0.0 <= values[0] <= 1.0:
+            raise ProtocolError(f"a {name} has the confidence {values[0]:g}; it is 0 to 1")
+        if min(values[8:]) < 0.0:
+            raise ProtocolError(f"a {name} has a negative deviation")
+        size = _mask_size(box) if gives & _MASK else 0
+        mask = data[at : at + size]
+        if len(mask) != size:
+            raise ProtocolError(f"the mask of a {name} has {len(mask)} bytes, not {size}")
+        at += size
+        pose = _pose(values[1:8]) if gives & _POSE else ()
+        items.append(Finding(name, box, _from_text(colour), values[0], mask, pose, (values[8], values[9])))
+    if at != len(data):
+        raise ProtocolError(f"{count} findings are followed by {len(data) - at} bytes")
+    return Findings(stamp / 1e6, tuple(items))
+
+
+def _mask_size(box: Sequence[int]) -> int:
+    return -(-box[2] * box[3] // 8)
+
+
+def _pose(numbers: Numbers) -> Numbers:
+    if abs(math.hypot(*numbers[3:]) - 1.0) > 1e-3:
+        raise ProtocolError("a pose has no unit quaternion")
+    return numbers
 
 
 def _lists(data: bytes, count: int) -> list[Numbers]:
@@ -758,3 +935,17 @@ def split_picture(
 def join_picture(colour: NDArray[np.uint8], depth: NDArray[np.float32]) -> bytes:
     """Return colour (h, w, 3) and depth (h, w) as a picture's data."""
     return np.ascontiguousarray(colour).tobytes() + np.ascontiguousarray(depth, "<f4").tobytes()
+
+
+def pack_mask(mask: NDArray[np.bool_]) -> bytes:
+    """Return the pixels (rows, columns) of a box that show an item, as `Finding.mask`."""
+    return np.packbits(mask.ravel()).tobytes()
+
+
+def unpack_mask(finding: Finding) -> NDArray[np.bool_]:
+    """Return the pixels (rows, columns) of a finding's box that show it; all of them without a mask."""
+    _, _, columns, rows = finding.box
+    if not finding.mask:
+        return np.ones((rows, columns), bool)
+    bits = np.unpackbits(np.frombuffer(finding.mask, np.uint8), count=rows * columns)
+    return bits.reshape(rows, columns).astype(bool)

@@ -11,6 +11,7 @@ import os
 import signal
 import sys
 from pathlib import Path
+from threading import Thread
 from types import FrameType
 
 from picktree.drivers import protocol
@@ -19,6 +20,7 @@ from .cell_description import CellError, read_cell
 from .cell_faults import CellFaults, read_faults
 from .cell_score import score
 from .plant import Plant
+from .recogniser import GIVES, CellRecogniser, RecogniserFaults, listen, serve_recogniser
 from .server import CellServer, serve
 
 MODES = {
@@ -41,6 +43,17 @@ def main(arguments: list[str] | None = None) -> int:
     )
     parser.add_argument("--clients", type=int, default=0, help="end after that number of clients")
     parser.add_argument("--score", type=Path, help="JSON file for the score at the end; else it is printed")
+    parser.add_argument("--perception-at", help="socket at which a recogniser of the items listens, too")
+    parser.add_argument("--perception-noise", type=float, default=0.0, help="noise of reported positions, m")
+    parser.add_argument(
+        "--perception-gives",
+        choices=GIVES,
+        default="pose",
+        help="content of findings; pose: with a mask",
+    )
+    parser.add_argument(
+        "--wrong-labels", type=float, default=0.0, help="share of items under another one's name"
+    )
     options = parser.parse_args(arguments)
     signal.signal(signal.SIGTERM, _end)
     try:
@@ -50,13 +63,21 @@ def main(arguments: list[str] | None = None) -> int:
         faults = read_faults(options.faults) if options.faults else CellFaults()
         plant = Plant(read_cell(options.cell), faults, options.seed)
         server = CellServer(plant, options.seed, token, MODES[options.mode])
+        errors = RecogniserFaults(options.perception_noise, options.wrong_labels)
+        addresses = [address]
+        if options.perception_at:
+            recogniser = CellRecogniser(
+                plant, errors, options.seed, server.lock, token, options.perception_gives
+            )
+            addresses.append(_recognise(recogniser, options.perception_at, token))
         try:
             serve(server, address, clients=options.clients)
         except KeyboardInterrupt:
             pass
         finally:
-            if address.path and os.path.exists(address.path):
-                os.unlink(address.path)
+            for each in addresses:
+                if each.path and os.path.exists(each.path):
+                    os.unlink(each.path)
         text = json.dumps(score(plant))
         if options.score:
             options.score.write_text(text + "\n", encoding="utf-8")
@@ -66,6 +87,15 @@ def main(arguments: list[str] | None = None) -> int:
         print(error, file=sys.stderr)
         return 2
     return 0
+
+
+def _recognise(recogniser: CellRecogniser, at: str, token: str) -> protocol.Address:
+    """Let a recogniser serve in a thread of its own. Raises CellError and ProtocolError."""
+    address = protocol.Address.parse(at)
+    address.require_token(token)
+    listener = listen(address)
+    Thread(target=serve_recogniser, args=(recogniser, listener), daemon=True).start()
+    return address
 
 
 def _end(number: int, frame: FrameType | None) -> None:

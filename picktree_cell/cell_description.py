@@ -66,6 +66,9 @@ class ItemEntry:
     colour: Numbers
     mass: float
     friction: float
+    kind: str
+    """Kind by which a recogniser names it; empty: it is not named."""
+    colour_name: str
     destination: str
     """Place, or fixture with places, where it belongs; empty: nowhere."""
 
@@ -257,6 +260,8 @@ def _item(e: _Reader) -> ItemEntry:
         e.numbers("colour", 3),
         e.number("mass", above=0.0),
         e.number("friction", above=0.0),
+        e.text("kind", ""),
+        e.text("colour_name", ""),
         e.text("destination", "") if e.data.get("destination") is not None else "",
     )
 

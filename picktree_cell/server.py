@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 from contextlib import suppress
 from multiprocessing import shared_memory
+from threading import Lock
 from typing import Final
 
 import mujoco
@@ -38,6 +39,8 @@ class CellServer:
         ]
         self._segments: list[shared_memory.SharedMemory] = []
         self._sequence = 0
+        self.lock = Lock()
+        """Lock that is held while the plant moves or is read."""
 
     def serve(self, channel: protocol.Channel) -> None:
         """Serve one client until it leaves. Raises ProtocolError when it breaks the protocol."""
@@ -54,7 +57,9 @@ class CellServer:
                 message = channel.receive()
                 if isinstance(message, protocol.Bye):
                     return
-                channel.send(self._answer(message))
+                with self.lock:
+                    answer = self._answer(message)
+                channel.send(answer)
         except protocol.ProtocolError as error:
             with suppress(protocol.ProtocolError):
                 channel.send(protocol.Refusal(protocol.Refused.MESSAGE, str(error)[:200]))

@@ -33,7 +33,10 @@ from picktree.world import (
     ImageEntry,
     Journal,
     NoImage,
+    NotRecognised,
     PlanningScene,
+    RecognisedItem,
+    Recogniser,
     RgbdImage,
     Stopwatch,
     event_types,
@@ -66,6 +69,8 @@ class CapturedImage:
     """Simulated time of capture, s."""
     held: BeliefObject | None
     """Held object as believed at the time of capture; None: the hand was empty."""
+    reported: tuple[RecognisedItem, ...] | None = None
+    """Items that the recogniser has found in the image; None: it was not asked."""
 
 
 class Look:
@@ -104,7 +109,8 @@ class Vision:
 
     `joints` and `width` give the arm's configuration (n,) rad and the opening m: the robot masks itself.
     While the arm is not `at_rest`, the evaluation of an image is spread over several ticks. Objects that are
-    `doubted`, as after a failed grasp, are recognised again in each image.
+    `doubted`, as after a failed grasp, are recognised again in each image. With a `recogniser` items are
+    recognised by another process, not by their colour.
     """
 
     def __init__(
@@ -121,6 +127,7 @@ class Vision:
         at_rest: Callable[[], bool] = lambda: True,
         doubted: Callable[[], Collection[str]] = tuple,
         stopwatch: Stopwatch | None = None,
+        recogniser: Recogniser | None = None,
     ) -> None:
         self._cameras = cameras
         self._perceive = perceive
@@ -135,6 +142,7 @@ class Vision:
         self._at_rest = at_rest
         self._doubted = doubted
         self._stopwatch = stopwatch or Stopwatch()
+        self._recogniser = recogniser
         self._still = frozenset(cameras) - perceive.moving
         self.memories = {name: PictureMemory() for name in self._still}
         """Memory of the pictures of each fixed camera; part of the state."""
@@ -158,7 +166,7 @@ class Vision:
     def capture(self, camera: str) -> Generator[None, None, CapturedImage]:
         """Capture one image with `camera`, at the cost of an observation. Perception does not run and the
         belief does not change."""
-        shot = yield from self._patiently(lambda: self.capture_now(camera))
+        shot = yield from self._patiently(lambda: self.capture_now(camera, recognise=False))
         yield from self._charge()
         self._journal.note(ImageEntry(shot.image, ()))
         return shot
@@ -170,7 +178,9 @@ class Vision:
         that of an observation; the belief does not change."""
         shot = yield from self._patiently(lambda: self.capture_now(camera))
         with self._stopwatch.measure("perception"):
-            found = self._perceive.track(shot.image, shot.joints, shot.width, shot.held, objects)
+            found = self._perceive.track(
+                shot.image, shot.joints, shot.width, shot.held, objects, shot.reported
+            )
         yield from self._charge()
         seen = sorted({str(s.object) for s in found if math.isfinite(s.misfit)})
         self._journal.note(ImageEntry(shot.image, tuple(seen)))
@@ -179,7 +189,7 @@ class Vision:
     def inspect(self, camera: str) -> Generator[None, None, HeldView]:
         """Capture an image with a fixed `camera`, and return the view of the hand. The cost is that of an
         observation; the belief does not change. Raises as `observe`."""
-        shot = yield from self._patiently(lambda: self.capture_now(camera))
+        shot = yield from self._patiently(lambda: self.capture_now(camera, recognise=False))
         with self._stopwatch.measure("perception"):
             seen = self._perceive.held(shot.image, shot.joints, shot.width)
         yield from self._charge()
@@ -216,16 +226,18 @@ class Vision:
         memory, doubted = self.memories.get(shot.image.camera), self._doubted()
         believed = [o for o in self._scene.objects if o.place == world_facts.ASIDE or o.id not in doubted]
         work = self._perceive.understand(
-            shot.image, shot.joints, shot.width, shot.held, known, memory, believed
+            shot.image, shot.joints, shot.width, shot.held, known, memory, believed, shot.reported
         )
         return Look(shot, work, self._stopwatch)
 
-    def capture_now(self, camera: str) -> CapturedImage:
-        """Capture an image with `camera`. Nothing is charged, and the belief does not change before
+    def capture_now(self, camera: str, *, recognise: bool = True) -> CapturedImage:
+        """Capture an image with `camera`; with `recognise`, let the recogniser find the items in it, if there
+        is one. Nothing is charged, and the belief does not change before
         `merge`; the caller defers that until the charged time has passed.
 
         Raises Failure(perception.not_found) for an unknown camera, and Failure(perception.no_image) for a
-        frame that is missing, old, repeated, or far noisier than usual.
+        frame that is missing, old, repeated, or far noisier than usual, and for a recogniser without a usable
+        answer.
         """
         if camera not in self._cameras:
             raise Failure(
@@ -251,7 +263,19 @@ class Vision:
                 f"the depth of {camera} is {factor:.0f} times as noisy as it should be: no image can be used"
             )
             raise Failure(perception.NO_IMAGE, message, camera=camera, noise=round(factor, 1))
-        return CapturedImage(image, self._joints(), self._width(), now, self._scene.held)
+        reported = self._recognised(image) if recognise else None
+        return CapturedImage(image, self._joints(), self._width(), now, self._scene.held, reported)
+
+    def _recognised(self, image: RgbdImage) -> tuple[RecognisedItem, ...] | None:
+        """Return the items that the recogniser finds; None without one."""
+        if self._recogniser is None:
+            return None
+        try:
+            return self._recogniser.recognise(image)
+        except NotRecognised as error:
+            self._journal.note(ImageEntry(image, ()))
+            message = f"the image of {image.camera} was not evaluated: {error}"
+            raise Failure(perception.NO_IMAGE, message, camera=image.camera, reason=str(error)) from None
 
     def _is_repeated(self, image: RgbdImage) -> bool:
         """Return whether an image with noise equals the camera's last one; keep it as the last if not."""

@@ -5,7 +5,7 @@ shows nothing; `Session` does.
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from picktree.files import PicktreeError
@@ -33,6 +33,7 @@ from picktree.world import (
     Journal,
     PlanningScene,
     RandomStreams,
+    Recogniser,
     Stopwatch,
     Tick,
     Vector3,
@@ -61,11 +62,13 @@ def assemble_world(
     verify: bool = False,
     planning_worker: bool = False,
     stopwatch: Stopwatch | None = None,
+    recogniser: Recogniser | None = None,
 ) -> World:
     """Return a world on the given hardware with an empty belief: fixtures and bins are known, objects are
     not.
 
-    `planning_worker`: whether a second process plans ahead.
+    `planning_worker`: whether a second process plans ahead. `recogniser`: process that recognises items;
+    None: perception does, by colour.
     """
     watch = stopwatch or Stopwatch()
     model = RobotModel(replace(robot, tool=scene.tool))
@@ -113,6 +116,7 @@ def assemble_world(
         at_rest=lambda: control.at_rest,
         doubted=lambda: attempts.objects,
         stopwatch=watch,
+        recogniser=recogniser,
     )
     return World(
         description=scene,
@@ -143,12 +147,23 @@ def assemble_world(
     )
 
 
-def _build(recipe: Recipe) -> tuple[Hardware, Simulation | None, float | None]:
-    """Return the hardware of a recipe, the same as a simulation, and the measured noise of its wrist, N.
+@dataclass(frozen=True)
+class _Built:
+    """Hardware of a recipe."""
 
-    A robot is no simulation: None; without a measurement the noise is None.
+    hardware: Hardware
+    simulation: Simulation | None = None
+    """The hardware as a simulation; None: it is a robot."""
+    wrench_noise: float | None = None
+    """Measured noise of the robot's wrist, N; None: not measured."""
+    recogniser: Recogniser | None = None
 
-    Raises PicktreeError for a robot that cannot be reached or does not fit, and for faults beside one.
+
+def _build(recipe: Recipe) -> _Built:
+    """Build the hardware of a recipe.
+
+    Raises PicktreeError for a robot or a recogniser that cannot be reached or does not fit, and for faults
+    beside a robot.
     """
     if recipe.robot_at:
         from picktree.drivers import ExternalHardware, measurement_path, read_measurement
@@ -156,12 +171,14 @@ def _build(recipe: Recipe) -> tuple[Hardware, Simulation | None, float | None]:
         if recipe.faults is not None:
             raise PicktreeError("faults are injected into a simulation; a robot has its own")
         measured = read_measurement(measurement_path(recipe.robot))
-        robot = ExternalHardware(recipe.scene, recipe.robot, recipe.robot_at, recipe.speed, measured)
+        robot = ExternalHardware(
+            recipe.scene, recipe.robot, recipe.robot_at, recipe.speed, measured, recipe.perception_at
+        )
         noise = robot.measured.wrench_noise if robot.measured else None
-        return robot, None, noise
+        return _Built(robot, None, noise, robot.recogniser)
     start = recipe.start.state.simulation if recipe.start else None
     simulation = build_hardware(recipe.backend, recipe.scene, recipe.robot, recipe.seed, start)
-    return simulation, simulation, None
+    return _Built(simulation, simulation)
 
 
 def _slowed(robot: RobotDescription, share: float) -> RobotDescription:
@@ -210,7 +227,8 @@ class Execution:
         start = recipe.start
         if after is None:
             self.stopwatch = stopwatch or Stopwatch()
-            self.hardware, simulation, noise = _build(recipe)
+            built = _build(recipe)
+            self.hardware, simulation = built.hardware, built.simulation
             self.world = assemble_world(
                 self.hardware,
                 recipe.scene,
@@ -219,9 +237,10 @@ class Execution:
                 verify=recipe.verify,
                 planning_worker=planning_worker,
                 stopwatch=self.stopwatch,
+                recogniser=built.recogniser,
             )
-            if noise is not None:
-                self.world.control.wrist.least_noise = noise
+            if built.wrench_noise is not None:
+                self.world.control.wrist.least_noise = built.wrench_noise
         else:
             self.stopwatch, self.hardware, self.world = after.stopwatch, after.hardware, after.world
             simulation = after.stage.simulation if after.stage else None

@@ -127,6 +127,8 @@ class Recipe:
     """Address of the robot's process, see `drivers`; empty: a simulation."""
     speed: float = 1.0
     """Share of the joints' speeds and accelerations that a robot may use."""
+    perception_at: str = ""
+    """Address of the process that recognises items for a robot; empty: they are recognised by colour."""
 
 
 ASSORTMENT_MESHES: Final = "assortment.zip"
@@ -319,6 +321,8 @@ class RunRequest:
     """Address of the robot's process, see `drivers`; empty: a simulation."""
     speed: float = 1.0
     """Share of the joints' speeds and accelerations that a robot may use."""
+    perception_at: str = ""
+    """Address of the process that recognises items for a robot; empty: they are recognised by colour."""
     confirm: bool = False
     """Ask the interrupters before each motion of the arm, as for help; without their yes the run ends."""
 
@@ -349,6 +353,7 @@ def read_recipe(request: RunRequest, mission: Mission | None = None) -> Recipe:
         own_scene=request.scene is None,
         robot_at=request.robot_at,
         speed=request.speed,
+        perception_at=request.perception_at,
     )
 
 

@@ -28,7 +28,14 @@ from picktree.world import (
     hole_geometry,
 )
 from picktree.world.robot_model import GripperDescription, RobotDescription, SliderPair, fingers_of
-from picktree.world.scene import CameraDescription, Fixture, SceneDescription, destinations
+from picktree.world.scene import (
+    TILE_HEIGHT,
+    CameraDescription,
+    Fixture,
+    SceneDescription,
+    destinations,
+    tile_body,
+)
 
 from .feeder import has_feeder
 from .footprints import floor_height
@@ -126,8 +133,12 @@ def _gripper(gripper: GripperDescription) -> dict[str, Any]:
 
 
 def _fixture(fixture: Fixture) -> Iterator[dict[str, Any]]:
-    """Yield the convex bodies of a fixture: one without holes."""
+    """Yield the convex bodies of a fixture: one without holes, and the squares of a target."""
     colour = _colour(fixture.colour)
+    for n, tile in enumerate(fixture.tiles):
+        box, inner = tile_body(tile, 2 * TILE_HEIGHT)
+        pose = _pose(fixture.pose @ inner)
+        yield {"id": f"{fixture.id}/tile_{n}", "colour": _colour(tile.colour), **pose, **_shape(box)}
     if not fixture.holes:
         yield {"id": str(fixture.id), "colour": colour, **_pose(fixture.pose), **_shape(fixture.shape)}
         return
@@ -143,6 +154,7 @@ def _item(item: SpawnedItem, destination: str | None) -> dict[str, Any]:
         "kind": entry.kind,
         "form": entry.form,
         "colour": _colour(item.colour),
+        "colour_name": item.colour,
         "mass": entry.mass,
         "friction": entry.friction,
         "destination": destination,

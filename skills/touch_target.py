@@ -25,6 +25,8 @@ EXTRA_CLEARANCE = 0.01
 """Clearance of free motions beyond the usual margins, m: the poses of target and tool are uncertain."""
 TOUCH_SPEED = 0.02
 """Speed of a touch, m/s."""
+RIGID_TOUCH_SPEED = 0.005
+"""Speed of a touch by an arm that takes positions only, m/s: it presses before its wrist feels a contact."""
 TOUCH_FORCES = (3.0, 6.0)
 """Contact forces used in turn, N: two different ones show the compliance of fingers and target."""
 CLOSING_FORCE = 10.0
@@ -117,16 +119,20 @@ class TouchTarget(Skill):
         world.control.tare()
         why = "there is nothing to be felt"
         touch: observations.TargetTouch | None = None
+        soft = world.control.takes_torque
+        speed, zero = TOUCH_SPEED if soft else RIGID_TOUCH_SPEED, None
         with world.scene.allow(("gripper", self.target)):
             try:
                 felt = yield from world.move.guarded(
                     -away,
                     APPROACH_DISTANCE + MAX_SEARCH_DEPTH,
                     force=force,
-                    speed=TOUCH_SPEED,
+                    speed=speed,
                     press=force,
                     node=self.path,
                 )
+                # By positions, the arm goes where the felt force is zero: that must be the free one.
+                zero = None if soft else felt.zero
                 yield from world.control.settle()
                 touch = self._touch_record(world, contact) if felt.contact else None
             except Failure as failure:
@@ -135,7 +141,12 @@ class TouchTarget(Skill):
                 why = failure.message
             # The arm stays compliant: near a face a stiff servo turns tenths of a millimetre into force.
             yield from world.move.guarded(
-                away, APPROACH_DISTANCE, force=world.handling.guard, speed=2 * TOUCH_SPEED, node=self.path
+                away,
+                APPROACH_DISTANCE,
+                force=world.handling.guard,
+                speed=2 * TOUCH_SPEED,
+                node=self.path,
+                zero=zero,
             )
         if touch is None:
             self._skip(world, contact, why)

@@ -132,6 +132,42 @@ class Camera(Protocol):
         ...
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class RecognisedItem:
+    """Item that another process has recognised in a picture."""
+
+    kind: str
+    """Kind of the catalogue."""
+    colour: str
+    """Name of its colour; empty: unknown."""
+    confidence: float
+    """Confidence, 0 … 1."""
+    rows: NDArray[np.intp]
+    """Rows of its pixels (n,)."""
+    columns: NDArray[np.intp]
+    """Columns of its pixels (n,)."""
+    masked: bool
+    """Whether the pixels show the item alone. Else they are a box around it."""
+    pose: Pose | None = None
+    """Its pose in the camera's optical frame; None: unknown."""
+    sigma_position: float = 0.0
+    """Standard deviation of the position along each axis, m; 0: unknown."""
+    sigma_angle: float = 0.0
+    """Standard deviation of the turn, rad; 0: unknown."""
+
+
+class NotRecognised(Exception):
+    """No usable answer of a recogniser, with its reason. Perception reports it as perception.no_image."""
+
+
+class Recogniser(Protocol):
+    """Process that recognises items in pictures, in place of perception's own recognition by colour."""
+
+    def recognise(self, image: RgbdImage) -> tuple[RecognisedItem, ...]:
+        """Return the items in a picture. Raises NotRecognised without a usable answer."""
+        ...
+
+
 @dataclass(frozen=True, slots=True)
 class SensorStamps:
     """Times of the last new reading of each sensor of the robot, s. The stamp of a silent sensor does not

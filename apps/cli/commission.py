@@ -19,6 +19,7 @@ from .options import (
     TextFile,
 )
 from .output import end_with, keep_stdout, print_answer, program
+from .run import Speed, parse_share
 
 if TYPE_CHECKING:
     from picktree.apps.commissioning import RobotTestResult
@@ -58,13 +59,23 @@ def calibrate(
         ),
     ] = None,
     replace: Annotated[bool, typer.Option("--replace", help="Overwrite an existing file.")] = False,
+    robot_at: Annotated[
+        str,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Calibrate the robot whose process listens there. The target is at its place in the scene.",
+            show_default="a simulation",
+        ),
+    ] = "",
+    speed: Speed = "100%",
     out: RunsFolder = None,
     json: JsonAnswer = False,
 ) -> None:
     """Calibrate the poses of cameras and tool, and write a scene with them.
 
     The arm takes the camera on the hand around a target and touches the target with closed fingers; fixed
-    cameras look at it. The items are removed for that. Exit code 0: written; 1: too few observations.
+    cameras look at it. The items are removed for that; from a robot's table a person removes them. Exit
+    code 0: written; 1: too few observations.
     """
     answer = keep_stdout() if json else None
 
@@ -75,7 +86,19 @@ def calibrate(
 
     place = parse_place(at) if at else None
     request = CalibrationRequest(
-        scene, tuple(camera or ()), tcp, target, place, robot, seed, views, output, replace, out
+        scene,
+        tuple(camera or ()),
+        tcp,
+        target,
+        place,
+        robot,
+        seed,
+        views,
+        output,
+        replace,
+        out,
+        robot_at,
+        parse_share(speed),
     )
     with run_display() as view:
         found = calibrated(request, (view,))

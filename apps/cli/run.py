@@ -134,6 +134,14 @@ Confirm: TypeAlias = Annotated[
         help="With --robot-at: ask before each motion of the arm, here or in `picktree attach`.",
     ),
 ]
+PerceptionAt: TypeAlias = Annotated[
+    str,
+    typer.Option(
+        metavar="ADDRESS",
+        help="With --robot-at: let the process that listens there recognise the items.",
+        show_default="items are recognised by colour",
+    ),
+]
 Answers: TypeAlias = Annotated[
     list[str] | None,
     typer.Option("--answer", metavar="TEXT", help="Answer when the mission asks for help."),
@@ -141,7 +149,7 @@ Answers: TypeAlias = Annotated[
 
 HELP_GROUPS: HelpGroups = {
     "Mission and scene": ("scene", "robot", "seed", "set_", "faults", "backend", "verify"),
-    "A robot in another process": ("robot_at", "speed", "confirm"),
+    "A robot in another process": ("robot_at", "perception_at", "speed", "confirm"),
     "Time limit and log": ("limit", "out", "rotate_mb", "rotate_minutes"),
     "Watching and steering": ("debug", "watch", "live", "live_port", "pace", "answers", "wait"),
     "Resuming a run": ("resume", "as_it_stands"),
@@ -160,6 +168,7 @@ def run(
     out: RunsFolder = None,
     backend: Backend = "physics",
     robot_at: RobotAt = "",
+    perception_at: PerceptionAt = "",
     speed: Speed = "100%",
     confirm: Confirm = False,
     verify: Verify = False,
@@ -207,6 +216,7 @@ def run(
             watch=watch,
             rotation=rotation,
             robot_at=robot_at,
+            perception_at=perception_at,
             speed=parse_share(speed),
             confirm=confirm,
             **({} if seconds is None else {"limit": seconds}),
@@ -320,8 +330,8 @@ class _Watchers:
 _PROFILED_FUNCTIONS = 20
 """Number of functions in each table of a profile."""
 _RECORDED_OPTIONS = (
-    "mission", "scene", "robot", "seed", "set_", "faults", "backend", "robot_at", "speed", "confirm",
-    "verify", "watch",
+    "mission", "scene", "robot", "seed", "set_", "faults", "backend", "robot_at", "perception_at", "speed",
+    "confirm", "verify", "watch",
 )  # fmt: skip
 """Parameters that are invalid with --resume, because the log has them."""
 
@@ -335,10 +345,11 @@ def refuse_contradictions(context: typer.Context) -> None:
     if context.params["robot_at"] and given is not None and given.name == "COMMANDLINE":
         raise PicktreeError("--robot-at and --backend exclude each other: a robot is no simulation")
     if not context.params["robot_at"]:
-        for name in ("speed", "confirm"):
+        for name in ("perception_at", "speed", "confirm"):
             source = context.get_parameter_source(name)
             if source is not None and source.name == "COMMANDLINE":
-                raise PicktreeError(f"--{name} is for a robot: give --robot-at ADDRESS, too")
+                option = name.replace("_", "-")
+                raise PicktreeError(f"--{option} is for a robot: give --robot-at ADDRESS, too")
     if context.params["resume"] is None:
         if context.params["as_it_stands"]:
             raise PicktreeError("--as-it-stands needs a run to resume: give --resume LOG, too")

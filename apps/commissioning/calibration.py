@@ -340,6 +340,11 @@ class CalibrationRequest:
     output: Path | None = None
     replace: bool = False
     out: Path | None = None
+    robot_at: str = ""
+    """Address of the robot's process; empty: a simulation. The target is where the scene has it, or `place`
+    says."""
+    speed: float = 1.0
+    """Share of the joints' speeds that a robot may use."""
 
 
 def calibrate(request: CalibrationRequest, observers: Sequence[Observer] = ()) -> CalibrationAnswer:
@@ -360,7 +365,9 @@ def calibrate(request: CalibrationRequest, observers: Sequence[Observer] = ()) -
         target.name, cameras, request.views, touch=request.touch, all_of_them=not request.cameras
     )
     mission = parse_mission(text, Path("calibrate.yaml"), NodeRegistry())
-    recipe = run_recipe.Recipe(mission, scene, robot, request.seed)
+    recipe = run_recipe.Recipe(
+        mission, scene, robot, request.seed, robot_at=request.robot_at, speed=request.speed
+    )
     result = Session(recipe, record=run_recipe.Recording(request.out), observers=observers).run()
     found = _record(result)
     answer = CalibrationAnswer(request.scene, request.seed, result.status, result.folder, found.skipped)

@@ -200,6 +200,8 @@ class GuardedMoveResult:
     """Contact force against the direction, N: at the contact, else the greatest during the move."""
     pose: Pose
     """TCP pose in the world where the arm came to rest."""
+    zero: Array
+    """Wrist wrench (6,) without a contact, N and Nm."""
 
 
 class GuardedMove(CompliantMotion):

@@ -65,6 +65,7 @@ class ContactMotion(TrajectoryMotion):
         node: str = "",
         press: float = 0.0,
         stiffness: CartesianStiffness = FIRM_STIFFNESS,
+        zero: Array | None = None,
     ) -> Doing[GuardedMoveResult]:
         """Move the arm straight along `direction` (3,) in the world, orientation kept, until more than
         `force` N act against it.
@@ -72,7 +73,8 @@ class ContactMotion(TrajectoryMotion):
         It travels at most `distance` m at `speed` m/s. Only guarded moves make contact on purpose.
 
         The force is relative to the wrist reading at rest just before, so it works with an object in the
-        hand. At the contact the tool at rest presses with `press` N. The motion ends at rest. Raises
+        hand; a move away from a contact has the `zero` (6,) of the move that made it. At the contact the tool
+        at rest presses with `press` N. The motion ends at rest. Raises
         safety.workspace or safety.joint_limit where the line leaves the workspace or a joint reaches its
         limit before a contact.
         """
@@ -103,7 +105,7 @@ class ContactMotion(TrajectoryMotion):
             )
             begin = np.array(loop.tcp.position)
             limit = 4.0 * distance / speed + speed + MAX_STANDSTILL_WAIT  # slower near a singularity
-            spring, _ = yield from self._follow_course(lease, course, limit, stiffness, None)
+            spring, zero = yield from self._follow_course(lease, course, limit, stiffness, zero)
         travelled = float(along @ (np.array(loop.tcp.position) - begin))
         if not course.finished and spring.blocked_by:
             raise Failure(
@@ -121,7 +123,7 @@ class ContactMotion(TrajectoryMotion):
                 f"a guarded move of {distance * 1000:.0f} mm did not end in time",
                 force=course.pushed,
             )
-        return GuardedMoveResult(course.contact, travelled, course.pushed, loop.tcp)
+        return GuardedMoveResult(course.contact, travelled, course.pushed, loop.tcp, zero)
 
     def comply(
         self,

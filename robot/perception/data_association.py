@@ -44,6 +44,13 @@ KIND_MISMATCH_COST = 0.02
 """Cost of a difference in kind, as a distance, m. A half hidden object may have been misjudged before."""
 MIN_CONFIDENCE_SHARE = 0.8
 """Share of the belief's confidence below which a detection sees the object worse than before."""
+SAME_PLACE_DISTANCE = 0.02
+"""Distance within which a reported detection of another kind or colour is the believed object, m. Two items
+are not so near each other. Uncertain positions widen it."""
+MAX_REPORTED_CONFIDENCE = 0.99
+"""Greatest confidence in a reported kind and colour."""
+MIN_LEAD = 1e-6
+"""Least lead of a reported kind and colour over the believed ones, in log-odds. Even odds change nothing."""
 HELD_DISTANCE = 0.06
 """Distance from the held object within which a detection of its colour is the held object, m."""
 MIN_SHARE_IN_VOLUME = 0.6
@@ -89,16 +96,13 @@ def update_belief(
     Objects keep their ids: they are matched first by place, then by kind for objects that left their place.
     An attached object is not touched. An item is removed only when its place is clearly seen to be empty, or
     when it was given up at a merely supposed place. A detection at the place of a given-up item is that item
-    in any colour: a camera may mistake the colour. Confirmed objects are seen where they are believed.
+    in any colour: a camera may mistake the colour. Confirmed objects are seen where they are believed. Kind
+    and colour that another process reports are weighed against the believed ones.
     """
     held = scene.held
     if held is not None and held_at is not None:
         held = replace(held, pose=held_at)
-    detections = [
-        d
-        for d in view.detections
-        if held is None or d.colour != held.colour or held.pose.distance(d.pose) >= HELD_DISTANCE
-    ]
+    detections = [d for d in view.detections if held is None or not _shows_held(held, d)]
     items = [o for o in scene.objects if o.role == "item" and not o.attached]
     unchanged = set(view.confirmed)
     confirmed = [o.id for o in items if o.id in unchanged]
@@ -162,16 +166,32 @@ def _unmatched(detections: Sequence[Detection], matched: dict[ObjectId, Detectio
 
 def _nearness(item: BeliefObject, detection: Detection) -> float:
     """Return the distance on the table or in the same bin, m; inf beyond the gate or for another colour."""
-    if item.colour != detection.colour:
+    if item.colour != detection.colour and not _contradicts(item, detection):
         return math.inf
     same_bin = detection.place != "table" and item.place == detection.place
     gate = _gate(item, MATCH_DISTANCE_IN_BIN if same_bin else MATCH_DISTANCE)
     distance = item.pose.distance(detection.pose)
     return (
-        distance + (KIND_MISMATCH_COST if item.kind != detection.kind else 0.0)
+        distance + (0.0 if _is_alike(item, detection) else KIND_MISMATCH_COST)
         if distance < gate
         else math.inf
     )
+
+
+def _is_alike(item: BeliefObject, detection: Detection) -> bool:
+    return (item.colour, item.kind) == (detection.colour, detection.kind)
+
+
+def _contradicts(item: BeliefObject, detection: Detection) -> bool:
+    """Return whether a reported detection is so near that it is the item, by another name."""
+    spread = 3.0 * math.hypot(item.sigma_position, detection.sigma_position)
+    reach = min(max(SAME_PLACE_DISTANCE, spread), MATCH_DISTANCE)
+    return detection.reported and item.pose.distance(detection.pose) < reach
+
+
+def _shows_held(held: BeliefObject, detection: Detection) -> bool:
+    alike = detection.colour == held.colour and held.pose.distance(detection.pose) < HELD_DISTANCE
+    return alike or _contradicts(held, detection)
 
 
 def _gate(item: BeliefObject, distance: float = MATCH_DISTANCE) -> float:
@@ -186,7 +206,7 @@ def _displacement(item: BeliefObject, detection: Detection) -> float:
     It is inf for other detections, and beyond `MAX_DISPLACEMENT`.
     """
     distance = item.pose.distance(detection.pose)
-    alike = (item.colour, item.kind) == (detection.colour, detection.kind) and distance < MAX_DISPLACEMENT
+    alike = _is_alike(item, detection) and distance < MAX_DISPLACEMENT
     return distance if alike or _is_given_up(item, detection) else math.inf
 
 
@@ -269,12 +289,32 @@ def _updated_belief(
     A better earlier estimate is kept while the view bears it out: of a half hidden object only the visible
     half counts. An item that was given up stays so where it lay. Found elsewhere, it may be handled again.
     """
+    if detection.reported:
+        # The pictures count as independent of each other.
+        believed, reported = _log_odds(item.confidence), _log_odds(detection.confidence)
+        if _is_alike(item, detection):
+            reported += believed
+        elif reported < believed + MIN_LEAD:
+            return replace(item, confidence=_share_of_odds(max(believed - reported, 0.0)), last_seen=now)
+        else:
+            reported -= believed
+        detection = replace(detection, confidence=min(_share_of_odds(reported), MAX_REPORTED_CONFIDENCE))
     place = item.place if _is_given_up(item, detection) else detection.place
     worse = detection.confidence < MIN_CONFIDENCE_SHARE * item.confidence
     if worse and view.look(item.shape, item.pose, item.colour).is_confirmed:
         return replace(item, last_seen=now, place=place)
     belief = replace(_belief_from(item.id, detection, now), place=place)
     return replace(belief, pose=_nearest_orientation(detection, item.pose))
+
+
+def _log_odds(confidence: float) -> float:
+    least = 1.0 - MAX_REPORTED_CONFIDENCE
+    bounded = min(max(confidence, least), MAX_REPORTED_CONFIDENCE)
+    return math.log(bounded / (1.0 - bounded))
+
+
+def _share_of_odds(log_odds: float) -> float:
+    return 1.0 / (1.0 + math.exp(-log_odds))
 
 
 def _is_given_up(item: BeliefObject, detection: Detection) -> bool:

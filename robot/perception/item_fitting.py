@@ -29,6 +29,7 @@ from .silhouette_fitting import (
     distances_outside,
     fit_outline,
     likely_turns,
+    seen_turns,
     silhouette,
 )
 from .view import Detection
@@ -44,6 +45,8 @@ LARGE_GATE = 0.06
 """The same gate for large blobs, as a share of their size: starts are 10° apart."""
 MAX_STARTS = 12
 """Number of starts whose depth is compared; the fit begins with the best of them."""
+MIN_START_DIFFERENCE = math.radians(15.0)
+"""Difference of turns from which a start is another one, rad: a fit corrects smaller ones."""
 RANKING_STRIDE = 3
 """Step between the depths that rank the starts."""
 FIT_ROUNDS = 5
@@ -116,6 +119,8 @@ class ItemFitter:
     noise: float
     model: float = MODEL_DEPTH_SIGMA
     count: FitCount = field(default_factory=FitCount)
+    exact: bool = False
+    """Whether fits start at the turns of exact silhouettes that the usual search does not find."""
 
     def explain(
         self, blob: Blob, support: float, content: float = GOOD_MISFIT, hover: float = MAX_HOVER_HEIGHT
@@ -124,8 +129,12 @@ class ItemFitter:
 
         `support` is the height under the blob in the world, m. When no item on the support has a misfit below
         `content`, items that lie on others are tried, too, up to `hover` m above it.
+
+        Before anything floats, the turns of items on the support are searched by their exact silhouettes.
         """
         found = yield from self._fits(blob, support, True, hover)
+        if blob.whole and all(f.misfit > max(content, GOOD_MISFIT) for f in found):
+            found += yield from replace(self, exact=True)._fits(blob, support, True, hover)
         if all(f.misfit > content for f in found):
             found += yield from self._fits(blob, support, False, hover)
         if blob.whole and all(f.misfit > LEANING_MISFIT for f in found):
@@ -217,7 +226,12 @@ class ItemFitter:
 
     def _starts(self, blob: Blob, stand: StandingPose) -> list[tuple[float, StandingPose]]:
         rest = stand.rest
-        starts = likely_turns(self.sight, stand, blob.reach, 4 if rest.turn > np.pi else 2)
+        keep = 4 if rest.turn > np.pi else 2
+        starts = likely_turns(self.sight, stand, blob.reach, keep)
+        if self.exact:
+            tried = [start.yaw for _, start in starts]
+            exact = seen_turns(self.sight, stand, blob.reach, keep)
+            starts = [(s, start) for s, start in exact if not _is_near(start.yaw, tried, rest.turn)]
         if blob.whole:
             return [(s + rest.unlikely, stand) for s, stand in starts]
         moved: list[tuple[float, StandingPose]] = []
@@ -277,6 +291,12 @@ class ItemFitter:
         both = np.isfinite(model) & np.isfinite(beside)
         change[both] = np.abs(beside[both] - model[both])
         return change
+
+
+def _is_near(yaw: float, others: Iterable[float], turn: float) -> bool:
+    """Return whether a turn looks the same as one of the others, about, for a body that looks the same after
+    `turn`, rad."""
+    return not turn or any(abs(math.remainder(yaw - other, turn)) < MIN_START_DIFFERENCE for other in others)
 
 
 def _rank(one: Hypothesis) -> float:

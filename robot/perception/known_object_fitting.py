@@ -146,7 +146,7 @@ def track_objects(
     blobs = {p.number: outline_patch(picture, p) for p in patches if p.measured >= 4}
     found: list[TrackedSighting] = []
     for one in objects:
-        believed = _believed_standing_pose(fitter.rests, one)
+        believed = standing_pose(fitter.rests, one.kind, one.pose)
         if believed is None:
             continue
         for number, blob in blobs.items():
@@ -211,7 +211,7 @@ def known_objects(
     for one in known:
         if label_of(one.colour) != blob.patch.label or one.attached or not _is_believed_on(floor, one):
             continue
-        stand = _believed_standing_pose(rests, one)
+        stand = standing_pose(rests, one.kind, one.pose)
         if stand is None:
             continue
         x, y = picture.sight.at_height(blob.middle, one.pose.position[2])
@@ -334,12 +334,14 @@ def _is_visible_in(picture: SegmentationInput, blob: Blob, stand: StandingPose) 
     return 0 <= row < rows and 0 <= column < columns and picture.owner[row, column] == blob.patch.number
 
 
-def _believed_standing_pose(rests: Sequence[StablePose], one: BeliefObject) -> StandingPose | None:
-    """Return the stable pose in which the object is believed to lie, at its pose; None when it leans too
-    much."""
-    rotation = one.pose.rotation()
+def standing_pose(rests: Sequence[StablePose], kind: str, pose: Pose) -> StandingPose | None:
+    """Return the stable pose in which an item of that kind lies at its pose in the world; None when it leans
+    too much."""
+    rotation = pose.rotation()
     leaning = [
-        (float((rotation @ rest.rotation.T)[2, 2]), -n) for n, rest in enumerate(rests) if _is_of(rest, one)
+        (float((rotation @ rest.rotation.T)[2, 2]), -n)
+        for n, rest in enumerate(rests)
+        if rest.entry.kind == kind
     ]
     if not leaning:
         return None
@@ -348,11 +350,7 @@ def _believed_standing_pose(rests: Sequence[StablePose], one: BeliefObject) -> S
         return None
     heading = rotation @ rests[-n].rotation.T
     yaw = math.atan2(float(heading[1, 0]), float(heading[0, 0]))
-    return StandingPose(rests[-n], np.array(one.pose.position), yaw)
-
-
-def _is_of(rest: StablePose, one: BeliefObject) -> bool:
-    return rest.entry.kind == one.kind
+    return StandingPose(rests[-n], np.array(pose.position), yaw)
 
 
 def _is_within_reach(picture: SegmentationInput, blob: Blob, one: BeliefObject) -> bool:

@@ -13,7 +13,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from picktree.world import Array, BeliefObject, Pose, RgbdImage, heap_geometry, top
+from picktree.world import (
+    Array,
+    BeliefObject,
+    Pose,
+    RecognisedItem,
+    RgbdImage,
+    heap_geometry,
+    ray_hits,
+    top,
+)
 from picktree.world.scene import SceneDescription, destinations
 
 from . import segmentation
@@ -25,6 +34,7 @@ from .held_thing import HeldView, view_held_thing
 from .hole_mouths import HoleMouths
 from .item_fitting import (
     GOOD_MISFIT,
+    HEIGHT_GATE,
     MAX_HOVER_HEIGHT,
     MODEL_DEPTH_SIGMA,
     POOR_MISFIT,
@@ -41,11 +51,12 @@ from .known_object_fitting import (
     KnownSighting,
     TrackedSighting,
     known_objects,
+    standing_pose,
     track_objects,
 )
 from .obstacle_volumes import MIN_RAISED_DEPTH, bounding_box_of, points_of, unexplained_patches
 from .picture_memory import PictureMemory, UnchangedContents
-from .resting_poses import catalogue_poses
+from .resting_poses import StablePose, catalogue_poses
 from .robot_mask import ATTACHED_HEIGHT, RobotMask, RobotShape, add_attached_parts, held_part
 from .segmentation import (
     Blob,
@@ -56,6 +67,7 @@ from .segmentation import (
     downsample,
     outline_patch,
 )
+from .silhouette_fitting import StandingPose
 from .view import CERTAIN_CONFIDENCE, BinView, Detection, PerceivedView, RecognisedPatch, UnexplainedPatch
 
 
@@ -70,6 +82,8 @@ class MaskedPicture:
     """Standard deviation of the depth at 0.7 m, m."""
     moving: bool
     """Whether the camera is on the hand. Then hand and border may cut through items in the picture."""
+    stride: int
+    """Step between the pixels of the whole picture that were kept."""
 
     @property
     def rough(self) -> float:
@@ -103,6 +117,18 @@ item lies."""
 MAX_CUT_MISFIT, MIN_CUT_SHOWN = 2.5, 0.75
 """Greatest misfit and least visible share of a blob that the hand or the picture's border cuts through. Other
 cut blobs are ignored: another picture shows them better."""
+SUPPORT_ABOVE = 0.005
+"""Height above a patch's top up to which a surface may be its support, m: depth has noise."""
+SURFACE_TOLERANCE = 0.015
+"""Distance of a pixel's depth from the surface at a reported pose up to which the pixel shows the item, m."""
+MAX_REST_SIGMAS = 3.0
+"""Standard deviations of a reported pose within which it rests on its support."""
+DEFAULT_POSITION_SIGMA, DEFAULT_ANGLE_SIGMA = 0.003, 0.05
+"""Standard deviations of a reported pose without its own, m and rad."""
+MIN_SUNK_DEPTH = 0.005
+"""Depth of an item's lowest point below the face around a hole from which the item is in the hole, m."""
+MIN_ITEM_DISTANCE = 0.01
+"""Distance of two reported items' centres below which they are one, m."""
 MAX_POSITION_SIGMA = 0.012
 """Standard deviation of a position from which on a fit is no detection, m."""
 
@@ -158,6 +184,7 @@ class Perception:
         known: Sequence[BeliefObject] = (),
         memory: PictureMemory | None = None,
         believed: Sequence[BeliefObject] = (),
+        reported: Sequence[RecognisedItem] | None = None,
     ) -> Generator[int, None, PerceivedView]:
         """Compute the view in a picture, taken with the arm at `joints` (n,) rad and the fingers `width` m
         open. Yields the work so far after each part of it, in `WORK_PER_TICK`: a fit counts as 1.
@@ -165,15 +192,18 @@ class Perception:
         A patch that one of the `known` objects fits near its believed pose is that object. All others are
         recognised, except those that have not changed since the `memory` of this camera understood them, and
         whose objects are `believed`.
+
+        `reported`: items that another process has recognised in the picture. With them nothing is recognised
+        by colour, and neither `known` objects nor the `memory` count.
         """
-        shot = self._shot(image, joints, width, held)
+        shot = self._shot(image, joints, width, held, reported)
         picture, finding = shot.picture, _Finding(self, shot, known)
         yield WORK_PER_TICK
         unchanged = UnchangedContents()
-        if memory is not None and not shot.moving:
+        if memory is not None and not shot.moving and reported is None:
             unchanged = memory.compare(picture, shot.noise, believed, image.stamp)
             finding.unexplained += unchanged.unexplained
-        for _ in finding.items(unchanged):
+        for _ in finding.items(unchanged) if reported is None else finding.reported_items(reported):
             yield WORK_PER_TICK + finding.fitter.count.fits
         yield 2 * WORK_PER_TICK + finding.fitter.count.fits
         finding.things()
@@ -206,10 +236,11 @@ class Perception:
         width: float,
         held: BeliefObject | None,
         objects: Sequence[BeliefObject],
+        reported: Sequence[RecognisedItem] | None = None,
     ) -> tuple[TrackedSighting, ...]:
         """Locate objects that are believed to be in the picture; see `known_object_fitting`. It is cheaper
-        and surer than `detect`, because nothing has to be recognised."""
-        shot = self._shot(image, joints, width, held)
+        and surer than `detect`, because nothing has to be recognised. `reported` as in `understand`."""
+        shot = self._shot(image, joints, width, held, reported)
         fitter = ItemFitter(self.rests, shot.picture.sight, shot.noise, shot.rough)
         return track_objects(shot.picture, fitter, objects)
 
@@ -224,7 +255,12 @@ class Perception:
         return view_held_thing(sight, depth, image.colour, self._robot, (joints, width), tagged=tagged)
 
     def _shot(
-        self, image: RgbdImage, joints: Array, width: float, held: BeliefObject | None
+        self,
+        image: RgbdImage,
+        joints: Array,
+        width: float,
+        held: BeliefObject | None,
+        reported: Sequence[RecognisedItem] | None = None,
     ) -> MaskedPicture:
         moving = image.camera in self.moving
         whole = image
@@ -233,7 +269,9 @@ class Perception:
         depth = np.where(np.isfinite(image.depth), image.depth, 0.0).astype(np.float64)
         believed = PosedCamera.at(image.intrinsics, image.camera_in_world)
         backdrop = self._backdrop(believed, image)
-        label = segmentation.labels(image.colour)
+        stride = max(1, round(whole.intrinsics.fx / image.intrinsics.fx))
+        own = reported is None
+        label = segmentation.labels(image.colour) if own else _reported_labels(reported, depth.shape, stride)
         in_hand = held_part(held)
         if moving:
             # From near, items and fingers may fill more of the picture than the table does.
@@ -262,7 +300,7 @@ class Perception:
         picture = SegmentationInput(
             sight, depth, height, label, robot | walls, np.zeros(depth.shape, dtype=np.int32), []
         )
-        return MaskedPicture(picture, backdrop, robot, self.noise.get(image.camera, 0.002), moving)
+        return MaskedPicture(picture, backdrop, robot, self.noise.get(image.camera, 0.002), moving, stride)
 
     def _beside_hand(self, sight: PosedCamera, image: RgbdImage, joints: Array, width: float) -> PosedCamera:
         """Correct the levelled pose of a hand camera by the fingers that the whole picture shows."""
@@ -286,6 +324,23 @@ class Perception:
         return self._floors.under(x, y, below)
 
 
+def _reported_labels(
+    reported: Sequence[RecognisedItem], shape: tuple[int, ...], stride: int
+) -> NDArray[np.uint8]:
+    """Return the labels (h, w) of the pixels in the masks of reported items."""
+    label = np.zeros(shape, np.uint8)
+    for each in reported:
+        if each.masked:
+            label[_kept_pixels(each, stride)] = segmentation.label_of(each.colour)
+    return label
+
+
+def _kept_pixels(each: RecognisedItem, stride: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return rows and columns of an item's pixels in a picture of which each `stride`-th pixel was kept."""
+    kept = (each.rows % stride == 0) & (each.columns % stride == 0)
+    return each.rows[kept] // stride, each.columns[kept] // stride
+
+
 class _Finding:
     """Recognition of items and unexplained patches in one picture."""
 
@@ -297,6 +352,7 @@ class _Finding:
         self.backdrop = shot.backdrop
         self.robot = shot.robot
         self.moving = shot.moving
+        self.stride = shot.stride
         self.detections: list[Detection] = []
         self.unexplained: list[UnexplainedPatch] = []
         self.recognised: list[RecognisedPatch] = []
@@ -345,13 +401,138 @@ class _Finding:
         Pixels count as raised with their neighbours only, because depth noise is as large as a plate is
         thick.
         """
+        return self._is_raised() | (self.picture.label != self.backdrop.label)
+
+    def _is_raised(self) -> NDArray[np.bool_]:
+        """Select pixels whose surface is clearly in front of the background."""
         picture, behind = self.picture, self.backdrop
         known = picture.depth > 0
         out = np.where(known, behind.depth - picture.depth, 0.0)
         around = cv2.blur(out, (3, 3)) / np.maximum(cv2.blur(known.astype(np.float64), (3, 3)), 0.1)
         raised = (around > MIN_HEIGHT_OVER_PAINT) & (~known | (out > 0.5 * around))
         clean = cv2.medianBlur(raised.astype(np.uint8), 3)
-        return clean.astype(np.bool_) | (picture.label != behind.label)
+        return clean.astype(np.bool_)
+
+    def reported_items(self, reported: Sequence[RecognisedItem]) -> Iterator[None]:
+        """Detect the items that another process has recognised; yield after each part of the work. An item
+        without a pose is fitted to its pixels. The more confident of two items at one place is taken."""
+        ordered = sorted(reported, key=lambda each: -each.confidence)
+        patches = [self._reported_patch(each) for each in ordered]
+        for each, patch in zip(ordered, patches, strict=True):
+            if patch is None or patch.measured < 4:
+                continue
+            before = len(self.detections)
+            if each.pose is None:
+                yield from self._fit_reported(each, patch)
+            else:
+                self._place_reported(each, each.pose, patch)
+            fresh, self.detections[before:] = self.detections[before:], []
+            for seen in fresh:
+                if all(seen.pose.distance(d.pose) > MIN_ITEM_DISTANCE for d in self.detections):
+                    self.detections.append(seen)
+            yield
+
+    def _reported_patch(self, each: RecognisedItem) -> PixelPatch | None:
+        """Claim the visible pixels of a reported item; None without enough of them.
+
+        In a box they are those at its pose, or without a pose the largest raised patch.
+        """
+        picture = self.picture
+        rows, columns = _kept_pixels(each, self.stride)
+        shown = ~picture.blocked[rows, columns]
+        if not each.masked and each.pose is not None:
+            pose = self._in_world(each.pose)
+            rays = picture.sight.directions(np.stack([columns, rows], axis=1).astype(np.float64))
+            shape = self._rests_of(each.kind)[0].entry.shape
+            surface = ray_hits(shape, pose.rotation(), np.array(pose.position), picture.sight.origin, rays)
+            depth = picture.depth[rows, columns]
+            shown &= np.isfinite(surface) & (depth > 0) & (np.abs(depth - surface) < SURFACE_TOLERANCE)
+        rows, columns = rows[shown], columns[shown]
+        if not each.masked and each.pose is None:
+            within = np.zeros(picture.depth.shape, dtype=np.bool_)
+            within[rows, columns] = True
+            parts = connected_patches(within & self._is_raised(), MIN_PATCH_PIXELS)
+            rows, columns = max(parts, key=lambda part: len(part[0]), default=(rows[:0], columns[:0]))
+        if len(rows) < MIN_PATCH_PIXELS:
+            return None
+        label = segmentation.label_of(each.colour)
+        picture.label[rows, columns] = label
+        return picture.claim(rows, columns, label)
+
+    def _fit_reported(self, each: RecognisedItem, patch: PixelPatch) -> Iterator[None]:
+        """Fit a reported kind to its pixels, and accept the best fit."""
+        floor = self._floor(patch.rows, patch.columns, patch.top)
+        if floor.heaped:
+            return
+        blob = outline_patch(self.picture, patch)
+        before = len(self.detections)
+        fitter = replace(self.fitter, rests=self._rests_of(each.kind))
+        heaped = (0.0, math.inf) if floor.in_bin else (GOOD_MISFIT, MAX_HOVER_HEIGHT)
+        hypotheses = yield from fitter.explain(blob, floor.height, *heaped)
+        seated = yield from self._seated(blob)
+        misfit = hypotheses[0].misfit if hypotheses else math.inf
+        if (
+            seated is not None
+            and seated.detection.kind == each.kind
+            and seated.best.misfit < max(GOOD_MISFIT, misfit)
+        ):
+            self.detections.append(seated.detection)
+        else:
+            self._settle(blob, hypotheses, floor)
+        self.detections[before:] = [
+            replace(
+                d, colour=each.colour or "grey", confidence=min(d.confidence, each.confidence), reported=True
+            )
+            for d in self.detections[before:]
+        ]
+
+    def _place_reported(self, each: RecognisedItem, reported: Pose, patch: PixelPatch) -> None:
+        """Accept an item at its reported pose. One that rests on its support within the pose's deviation is
+        placed exactly on it."""
+        perception = self.perception
+        sigma = each.sigma_position or DEFAULT_POSITION_SIGMA
+        pose = self._in_world(reported)
+        x, y, z = pose.position
+        floor = perception.floor(x, y, z + SUPPORT_ABOVE)
+        if floor.heaped:
+            return
+        if sigma > MAX_POSITION_SIGMA:
+            self._box(patch.rows, patch.columns, floor if floor.in_bin else None)
+            return
+        rests = self._rests_of(each.kind)
+        stand, entry, place = standing_pose(rests, each.kind, pose), rests[0].entry, floor.place
+        turn = 2 * math.pi if stand is None else stand.rest.turn
+        if stand is not None:
+            lowest = float(stand.centre[2]) - stand.rest.below
+            mouth = perception.mouths.near(x, y)
+            if mouth is not None and lowest < mouth.height - MIN_SUNK_DEPTH:
+                place = mouth.id
+            elif abs(lowest - floor.height) < max(HEIGHT_GATE, MAX_REST_SIGMAS * sigma):
+                centre = np.array([x, y, floor.height + stand.rest.below])
+                pose = Pose.from_rotation(centre, StandingPose(stand.rest, centre, stand.yaw).turned)
+        self.detections.append(
+            Detection(
+                entry.kind,
+                entry.form,
+                entry.shape,
+                each.colour or "grey",
+                pose,
+                sigma,
+                math.pi if not turn else max(each.sigma_angle or DEFAULT_ANGLE_SIGMA, 2e-3),
+                each.confidence,
+                turn,
+                place,
+                reported=True,
+            )
+        )
+
+    def _in_world(self, pose: Pose) -> Pose:
+        """Return the pose in the world of an item whose pose in the camera's optical frame is given."""
+        sight = self.picture.sight
+        return Pose.from_rotation(sight.origin, sight.rotation) @ pose
+
+    def _rests_of(self, kind: str) -> tuple[StablePose, ...]:
+        return tuple(rest for rest in self.perception.rests if rest.entry.kind == kind)
 
     def things(self) -> None:
         """Collect the grey depth that nothing known explains. In bins it belongs to the heap."""
@@ -375,7 +556,7 @@ class _Finding:
     def _floor(self, rows: NDArray[np.intp], columns: NDArray[np.intp], height: float) -> SupportSurface:
         middle = np.array([columns.mean(), rows.mean()])
         x, y = self.picture.sight.at_height(middle, height)
-        return self.perception.floor(float(x), float(y), height + 0.005)
+        return self.perception.floor(float(x), float(y), height + SUPPORT_ABOVE)
 
     def _item(self, patch: PixelPatch) -> Iterator[None]:
         floor = self._floor(patch.rows, patch.columns, patch.top)

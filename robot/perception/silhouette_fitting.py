@@ -4,7 +4,7 @@ pictures are hulls."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -241,6 +241,23 @@ def likely_turns(
         (value, StandingPose(stand.rest, centre, stand.yaw + upwards * k * (2 * np.pi / 36)))
         for value, k in _minima(left.tolist())[:keep]
     ]
+
+
+def seen_turns(
+    sight: PosedCamera, stand: StandingPose, seen: tuple[Array, Array], keep: int
+) -> list[tuple[float, StandingPose]]:
+    """Return starts for the fit as `likely_turns` does, from the silhouette at each turn. It costs more, and
+    is exact where a tall body is seen aslant: its sides do not turn with its top."""
+    count = max(1, round(36 * stand.rest.turn / (2 * np.pi))) if stand.rest.turn else 1
+    scale = float((stand.centre - sight.origin) @ sight.rotation[:, 2]) / sight.intrinsics.fx
+    starts: list[tuple[float, StandingPose]] = []
+    for k in range(count):
+        turned = StandingPose(stand.rest, stand.centre, stand.yaw + k * (2 * np.pi / 36))
+        model, at = support(sight.pixels(_body(sight, turned)))
+        x, y = (sight.rotation[:2, :2] @ (seen[1] - at)) * scale
+        centre = stand.centre + np.array([x, y, 0.0])
+        starts.append((float(((model - seen[0]) ** 2).sum()) / 36.0, replace(turned, centre=centre)))
+    return [starts[k] for _, k in _minima([left for left, _ in starts])[:keep]]
 
 
 _SHIFTED = (np.arange(36)[None, :] - np.arange(36)[:, None]) % 36

@@ -40,6 +40,8 @@ class Detection(Body):
     """Turn about the vertical that looks the same, rad; 0 for a body without heading."""
     place: str = "table"
     """`table`, or the id of the bin or hole that it lies in."""
+    reported: bool = False
+    """Whether another process has recognised it. Then kind and colour may be wrong in single pictures."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -241,6 +241,8 @@ class MotionChain:
         # The joints' travel along a line is uneven: the part near the corner is measured by itself.
         share = most if length < 1e-6 else min(most, self._rounded / length)
         index = round(share * (len(leg.path) - 1))
+        if index == len(leg.path) - 1:  # A line of millimetres has one step.
+            return share * whole
         part = leg.path[-1 - index :] if at_end else leg.path[: index + 1]
         return polyline_length(part)
 

@@ -72,6 +72,18 @@ def test_a_guarded_move_meets_the_table_slowly_and_stops_at_the_force(backend: B
     assert cell.monitor.stopped is None
 
 
+def test_a_tool_leaves_a_contact_by_the_force_before_it() -> None:
+    """By the force in the contact, the missing one would pull it back towards the table, by 2 mm here."""
+    cell = by_position(PhysicsPositions)
+    cell.go(0.5, 0.1, 0.03)
+    touched = cell.run(cell.move.guarded(DOWN, 0.08, force=4.0, speed=0.02, press=15.0))
+    assert touched.contact
+    begin = cell.loop.tcp.position[2]
+    left = cell.run(cell.move.guarded((0.0, 0.0, 1.0), 0.03, force=25.0, speed=0.02, zero=touched.zero))
+    assert not left.contact and left.zero is touched.zero
+    assert cell.loop.tcp.position[2] - begin == pytest.approx(0.03, abs=5e-4)
+
+
 def test_without_stiffness_along_an_axis_the_wrench_is_the_force() -> None:
     cell = by_position(KinematicPositions)
     cell.go(0.5, 0.1, 0.02)

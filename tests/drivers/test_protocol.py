@@ -83,7 +83,39 @@ def welcomes(draw: st.DrawFn) -> p.Welcome:
     )
 
 
+@st.composite
+def poses(draw: st.DrawFn) -> tuple[float, ...]:
+    turn = np.array(draw(st.tuples(*[st.floats(-1.0, 1.0)] * 4)) or (0.0,) * 4)
+    length = float(np.linalg.norm(turn))
+    unit = turn / length if length > 1e-3 else np.array([0.0, 0.0, 0.0, 1.0])
+    return (*draw(st.tuples(*[numbers] * 3)), *unit.tolist())
+
+
+@st.composite
+def findings(draw: st.DrawFn) -> p.Finding:
+    columns, rows = draw(st.integers(1, 9)), draw(st.integers(1, 9))
+    mask = draw(st.none() | st.lists(st.booleans(), min_size=columns * rows, max_size=columns * rows))
+    return p.Finding(
+        draw(texts),
+        (draw(st.integers(0, 400)), draw(st.integers(0, 400)), columns, rows),
+        draw(texts),
+        draw(st.floats(0.0, 1.0)),
+        b"" if mask is None else p.pack_mask(np.array(mask).reshape(rows, columns)),
+        draw(st.just(()) | poses()),
+        draw(st.tuples(st.floats(0.0, 1.0), st.floats(0.0, 3.0))),
+    )
+
+
+@st.composite
+def looks(draw: st.DrawFn) -> p.Look:
+    camera = p.CameraInfo(draw(texts), "", 4, 3, 5.0, 5.0, 1.5, 1.0)
+    return p.Look(camera, draw(micros), draw(poses()), draw(st.binary(min_size=84, max_size=84)))
+
+
 messages = st.one_of(
+    st.builds(p.RecogniserInfo, texts, texts, st.lists(texts, max_size=5).map(tuple)),
+    looks(),
+    st.builds(p.Findings, micros, st.lists(findings(), max_size=3).map(tuple)),
     st.builds(
         p.Hello, st.sampled_from((p.Wish(0), p.Wish.SHARED_MEMORY)), texts, st.sampled_from((0.1, 1.0))
     ),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from picktree.robot.perception import update_belief
+from picktree.robot.perception.view import Detection
 from picktree.world import Box, PlanningScene, Pose
 
 from .perception_pictures import (
@@ -17,6 +18,7 @@ from .perception_pictures import (
     standing,
     view_of,
 )
+from .synthetic_view import synthetic_view
 
 RED = standing(BLOCK, 0.45, -0.1, 0.2, "red")
 BLUE = standing(CAN, 0.6, 0.1, 0.0, "blue")
@@ -98,3 +100,23 @@ def test_a_view_through_the_same_eyes_changes_nothing_but_the_time() -> None:
     before = {o.id: o.pose for o in scene.objects}
     update_belief(scene, view, 2.0)
     assert {o.id: o.pose for o in scene.objects} == before
+
+
+def test_a_name_that_another_process_reports_is_weighed_against_the_believed_one() -> None:
+    """A single wrong name changes nothing but the confidence; the object stays itself under its new name."""
+    red = Detection("block", "box", BLOCK, "red", RED.pose, 0.003, 0.03, 0.9, reported=True)
+    near = Pose((RED.pose.position[0] + 0.008, *RED.pose.position[1:]))
+    can = replace(red, kind="can", form="cylinder", shape=CAN, colour="blue", pose=near)
+    scene = empty_scene()
+    found: list[tuple[str, float]] = []
+    for now, seen in enumerate((red, red, can, red, can, can, can, can), start=1):
+        view = replace(synthetic_view(), detections=(seen,))
+        summary = update_belief(scene, view, float(now))
+        assert summary.removed == () and ids(scene) == ["red_block_1"]
+        one = scene.get("red_block_1")
+        found.append((f"{one.colour} {one.kind}", round(one.confidence, 2)))
+        assert one.last_seen == now
+    believed = [("red block", c) for c in (0.9, 0.99, 0.9, 0.99, 0.9, 0.5)]
+    assert found == [*believed, ("blue can", 0.9), ("blue can", 0.99)]
+    scene.attach("red_block_1", Pose())
+    assert update_belief(scene, replace(synthetic_view(), detections=(red, can)), 9.0).new == ()

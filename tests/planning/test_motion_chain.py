@@ -245,6 +245,17 @@ def test_a_leg_with_one_corner_gives_up_more_of_it_than_one_with_two() -> None:
     assert nearest[0] > 1.3 * nearest[1]
 
 
+@pytest.mark.parametrize("length", [0.002, 0.006, 0.02])
+def test_a_last_line_of_millimetres_keeps_a_part_that_is_not_rounded(length: float) -> None:
+    """It has so few steps that its only corner took all of it."""
+    cell = Cell(table_scene())
+    legs = [Request(PoseGoal((down(0.5, 0.1, 0.3),))), Request(OffsetGoal((0.0, 0.0, -length)))]
+    plan, _ = run(cell.plan.through(legs))
+    end = MODEL.tcp(plan.trajectory.end)
+    assert end.distance(down(0.5, 0.1, 0.3 - length)) < 1e-3
+    assert plan.passes[0] < plan.passes[1] == plan.trajectory.duration
+
+
 def test_a_leg_that_touches_something_between_the_steps_of_its_search_is_planned_again() -> None:
     """A bead that the straight edge's steps miss, and its trajectory does not."""
     cell = Cell(table_scene(item("bead", Sphere(0.002), Pose((0.417, 0.165, 0.442)))))
