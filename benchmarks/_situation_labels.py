@@ -39,7 +39,7 @@ OFTEN, NEVER = 2, 0
 TICK = 0.05
 """Length of a tick, simulated s."""
 LATER = 20.0
-"""Time that a continuation may take longer than the run that it is compared with, simulated s."""
+"""Time that a continuation may take longer than the run and the clean run, simulated s."""
 GOAL = "goal"
 FACTS = "facts.json"
 """File with the outcomes of a run, beside its folder."""
@@ -274,10 +274,10 @@ class Experiment:
         files, faults = self._parts(sorted(present))
         place = self.folder / "continued"
         shutil.rmtree(place, ignore_errors=True)
-        with Run(self.run) as run:
-            limit = min(LIMIT, run.end + LATER)
         if since <= 0.0:
-            return replace(read_recipe(self._request(place, files, faults)), limit=limit)
+            return read_recipe(self._request(place, files, faults))
+        with Run(self.run) as run, Run(self.prefix) as clean:
+            limit = min(LIMIT, max(run.end, clean.end) + LATER)
         with Run(self.prefix) as run, RecordedRun(run) as recorded:
             found = recorded.last_checkpoint(since)
             recipe = read_recipe(self._request(place, files, faults))

@@ -64,7 +64,7 @@ def one(job: Job, folder: Path) -> Row:
     situation = drawn(job.seed)
     place = situation_folder(job.seed, folder.parent)
     place.mkdir(parents=True, exist_ok=True)
-    experiment = Experiment(situation, place, folder.parent / "cells")
+    experiment = Experiment(situation, place, folder.parent / f"cells-{_digest(sources())}")
     label, strikes = experiment.label(), experiment.strikes()
     (place / LABELLED).touch()
     cell = situation.cell
@@ -90,8 +90,11 @@ def one(job: Job, folder: Path) -> Row:
 
 def situation_folder(seed: int, logs: Path) -> Path:
     """Return the folder of a situation's run and outcomes: the same one whatever explains it."""
-    draw = hashlib.sha256(repr((drawn(seed), sources())).encode()).hexdigest()[:12]
-    return logs / f"situation-{seed}-{draw}"
+    return logs / f"situation-{seed}-{_digest((drawn(seed), sources()))}"
+
+
+def _digest(of: object) -> str:
+    return hashlib.sha256(repr(of).encode()).hexdigest()[:12]
 
 
 def takes_truth() -> bool:
