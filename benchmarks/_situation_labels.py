@@ -346,7 +346,7 @@ class Experiment:
         ended = subprocess.run(words, capture_output=True, text=True)
         if ended.returncode not in (-signal.SIGKILL, 0, 1):  # it may end before it is killed
             raise RuntimeError(f"exit code {ended.returncode}: {ended.stderr[-300:]}")
-        _keep(place, frozenset({GOAL}), "")
+        _keep(place, frozenset({GOAL} if ended.returncode == -signal.SIGKILL else ()), "")
         return _only(place / "runs")
 
     def _resumed(self, files: Sequence[int], faults: Sequence[Mapping[str, Any]]) -> Path:
@@ -358,8 +358,8 @@ class Experiment:
         place = self.folder / "killed"
         before = self._killed(place, files, self._written(place, (*faults, kill)))
         with Run(before) as run:
-            if run.status != "killed":
-                raise RuntimeError(f"it was to be killed at {kill['when']['at']} s, and ended before")
+            if run.status != "killed":  # it had ended before
+                return self._run_once(self.folder, files, faults)
         if not (self.folder / FACTS).exists():
             shutil.rmtree(self.folder / "runs", ignore_errors=True)
             with Resumption(ResumeRequest(before, self.folder / "runs")) as resumption:
