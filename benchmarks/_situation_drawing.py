@@ -202,7 +202,6 @@ def write(mission: Tree, scene: Tree, folder: Path) -> None:
     (folder / "mission.yaml").write_text(yaml.safe_dump(mission, sort_keys=False))
 
 
-# ---------------------------------------------------------------------------------------------------- cells
 _FAMILIES: Mapping[str, float] = {
     "shipped sort": 30, "drawn sort": 28, "feed": 7, "belt": 7, "insert": 11, "kit": 5, "push": 7, "heap": 5,
 }  # fmt: skip
@@ -398,7 +397,6 @@ _FAMILY = {
 }  # fmt: skip
 
 
-# ------------------------------------------------------------------------------------------------- deviations
 def _deviation(rng: random.Random, cell: Cell) -> Deviation | None:
     """Return a drawn deviation; None when the drawn kind does not fit the cell."""
     where = rng.choices(("fault", "scene", "mission"), (64, 24, 12))[0]

@@ -85,7 +85,7 @@ def label_of(
     """
     found: dict[tuple[int, ...], int] = {}
     verdicts: list[Status] = []
-    named = [fact for fact in targets if fact != GOAL] or list(targets)
+    named = _named(targets)
     for fact in named:
         status, group = cause_of(outcomes, all_of, fact)
         verdicts.append(status)
@@ -104,6 +104,11 @@ def label_of(
     if "undecided" in verdicts:
         return Label("undecided", (), target)
     return Label("no cause", (), target, tuple(sorted(all_of)))
+
+
+def _named(targets: Sequence[str]) -> list[str]:
+    """Return the outcomes that have causes of their own: the items that miss the goal, or the one outcome."""
+    return [fact for fact in targets if fact != GOAL] or list(targets)
 
 
 def cause_of(
@@ -234,8 +239,7 @@ class Experiment:
             for taken in combinations(sorted(present), size):
                 rest = present - set(taken)
                 outcomes[rest] = self._continued(rest, since, targets)
-            found = label_of(outcomes, present, targets)
-            if found.status == "cause":
+            if all(cause_of(outcomes, present, fact)[0] == "cause" for fact in _named(targets)):
                 break
         return label_of(outcomes, present, targets)
 

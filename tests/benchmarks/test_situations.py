@@ -98,6 +98,18 @@ def test_a_cause_is_in_a_smallest_set_that_ends_the_outcome(
     assert program("_situation_labels").cause_of(runs, frozenset({0, 1}), "goal") == expected
 
 
+def test_an_item_that_two_deviations_lose_has_a_set_of_its_own(program: Program) -> None:
+    one, both = frozenset({"goal", "item 1"}), frozenset({"goal", "item 1", "item 2"})
+    runs = {
+        frozenset({0, 1}): [both] * 3,
+        frozenset({1}): [one] * 3,
+        frozenset({0}): [both] * 3,
+        frozenset(): [frozenset()] * 3,
+    }
+    label = program("_situation_labels").label_of(runs, frozenset({0, 1}), ("goal", "item 1", "item 2"))
+    assert (label.status, label.groups, label.excluded) == ("cause", ((0,), (0, 1)), ())
+
+
 def _row(
     *kinds: str, status: str = "cause", groups: Sequence[Sequence[int]] = ((0,),), **rest: Any
 ) -> dict[str, Any]:
