@@ -235,11 +235,13 @@ class Experiment:
         since = 0.0 if kinds != {"fault"} else min(self._due(number) for number in present)
         outcomes: dict[frozenset[int], list[Facts]] = {}
         outcomes[present] = self._continued(present, since, targets)
-        for size in range(1, len(present) + 1):
+        named = _named(targets)
+        again = any(sum(fact in facts for facts in outcomes[present]) >= OFTEN for fact in named)
+        for size in range(1, len(present) + 1) if again else ():
             for taken in combinations(sorted(present), size):
                 rest = present - set(taken)
                 outcomes[rest] = self._continued(rest, since, targets)
-            if all(cause_of(outcomes, present, fact)[0] == "cause" for fact in _named(targets)):
+            if all(cause_of(outcomes, present, fact)[0] == "cause" for fact in named):
                 break
         return label_of(outcomes, present, targets)
 

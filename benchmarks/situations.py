@@ -36,7 +36,7 @@ from _situation_score import SCORED, Verdict, judged, verdict_of
 from picktree.analysis.explain import explain, to_json_text
 from picktree.session import sources
 
-COSTS = {"physics": 75.0, "kinematic": 20.0}
+COSTS = {"physics": 28.0, "kinematic": 10.0}
 """CPU seconds of a situation with its experiments, by backend, for the forecast."""
 COST_ANEW = 3.0
 """CPU seconds of explaining a log again."""
