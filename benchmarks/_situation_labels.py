@@ -28,6 +28,7 @@ from picktree.analysis import Run
 from picktree.session import RecordedRun, ResumeRequest, Resumption, RunRequest, Session
 from picktree.session.run_recipe import Recipe, Recording, StartCheckpoint, read_recipe
 from picktree.simulation import new_states, score
+from picktree.simulation.fault_entries import FaultFile
 from picktree.world import StreamVariant, event_types
 
 import yaml
@@ -63,6 +64,24 @@ class Strike:
 
 
 @dataclass(frozen=True)
+class Comparison:
+    """Outcomes of continuations with all deviations, and without some, from the strike of these on."""
+
+    with_all: Sequence[Facts]
+    without: Sequence[Facts]
+
+    def verdict(self, fact: str) -> Status:
+        """Return whether what is taken away ends an outcome."""
+        before, after = (sum(fact in facts for facts in runs) for runs in (self.with_all, self.without))
+        if before == NEVER:
+            return "no cause"  # it does not come again: chance
+        if before >= OFTEN and after == NEVER:
+            return "cause"
+        as_often = after * len(self.with_all) >= before * len(self.without)
+        return "no cause" if after and as_often else "undecided"
+
+
+@dataclass(frozen=True)
 class Label:
     """Result of the experiments about one run."""
 
@@ -77,9 +96,9 @@ class Label:
 
 
 def label_of(
-    outcomes: Mapping[frozenset[int], Sequence[Facts]], all_of: frozenset[int], targets: Sequence[str]
+    tests: Mapping[frozenset[int], Comparison], all_of: frozenset[int], targets: Sequence[str]
 ) -> Label:
-    """Return the label from the outcomes of continuations, by the set of present deviations.
+    """Return the label from comparisons of continuations, by the set of deviations that is taken away.
 
     targets: outcomes of the run that count; the first is the one that is explained.
     """
@@ -87,12 +106,12 @@ def label_of(
     verdicts: list[Status] = []
     named = _named(targets)
     for fact in named:
-        status, group = cause_of(outcomes, all_of, fact)
+        status, group = cause_of(tests, all_of, fact)
         verdicts.append(status)
         if status == "cause":
             found[group] = found.get(group, 0) + 1
     if not found and GOAL in targets and named != [GOAL]:
-        status, group = cause_of(outcomes, all_of, GOAL)
+        status, group = cause_of(tests, all_of, GOAL)
         verdicts.append(status)
         if status == "cause":
             found[group] = 1
@@ -112,26 +131,18 @@ def _named(targets: Sequence[str]) -> list[str]:
 
 
 def cause_of(
-    outcomes: Mapping[frozenset[int], Sequence[Facts]], all_of: frozenset[int], fact: str
+    tests: Mapping[frozenset[int], Comparison], all_of: frozenset[int], fact: str
 ) -> tuple[Status, tuple[int, ...]]:
     """Return whether deviations cause an outcome, and those that belong to a smallest set that ends it."""
-
-    def counted(present: frozenset[int]) -> tuple[int, int]:
-        runs = outcomes.get(present, ())
-        return sum(fact in facts for facts in runs), len(runs)
-
-    with_all, of = counted(all_of)
-    if of and with_all == NEVER:
-        return ("no cause", ())  # it does not come again: chance
-    unclear = with_all < OFTEN
+    unclear = False
     for size in range(1, len(all_of) + 1):
         ended: set[int] = set()
         doubtful = False
-        for taken in combinations(sorted(all_of), size):
-            left, runs = counted(all_of - set(taken))
-            if runs and left == NEVER:
-                ended |= set(taken)
-            doubtful = doubtful or left < min(OFTEN, runs) or (left == OFTEN and runs > OFTEN) or not runs
+        for taken in map(frozenset, combinations(sorted(all_of), size)):
+            verdict = tests[taken].verdict(fact) if taken in tests else "undecided"
+            if verdict == "cause":
+                ended |= taken
+            doubtful = doubtful or verdict == "undecided"
         if ended:  # sets of this size that do not end it clearly are no smaller ones
             return ("undecided", ()) if unclear else ("cause", tuple(sorted(ended)))
         unclear = unclear or doubtful
@@ -231,22 +242,26 @@ class Experiment:
             return Label("no cause", (), targets[0])
         if any(self.situation.deviations[number].kind == "kill" for number in present):
             return Label("cause", (tuple(present),), GOAL)  # the log ends there, by construction
-        kinds = {self.situation.deviations[number].where for number in present}
-        since = 0.0 if kinds != {"fault"} else min(self._due(number) for number in present)
-        outcomes: dict[frozenset[int], list[Facts]] = {}
-        outcomes[present] = self._continued(present, since, targets)
         named = _named(targets)
-        again = any(sum(fact in facts for facts in outcomes[present]) >= OFTEN for fact in named)
-        for size in range(1, len(present) + 1) if again else ():
-            for taken in combinations(sorted(present), size):
-                rest = present - set(taken)
-                outcomes[rest] = self._continued(rest, since, targets)
-            if all(cause_of(outcomes, present, fact)[0] == "cause" for fact in named):
+        tests: dict[frozenset[int], Comparison] = {}
+        for size in range(1, len(present) + 1):
+            for taken in map(frozenset, combinations(sorted(present), size)):
+                tests[taken] = self._compared(present, taken, targets)
+            if all(cause_of(tests, present, fact)[0] == "cause" for fact in named):
                 break
-        return label_of(outcomes, present, targets)
+        return label_of(tests, present, targets)
+
+    def _compared(self, present: frozenset[int], taken: frozenset[int], targets: Sequence[str]) -> Comparison:
+        """Return the outcomes with and without some deviations, from a tick before the first of them acts."""
+        since = min(self._due(number) for number in taken)
+        with_all = self._continued(present, since, targets)
+        again = any(sum(fact in facts for facts in with_all) >= OFTEN for fact in _named(targets))
+        return Comparison(with_all, self._continued(present - taken, since, targets) if again else ())
 
     def _due(self, number: int) -> float:
-        """Return the time from which a fault may act: a tick before it is due, simulated s."""
+        """Return the time from which a deviation may act, simulated s: for a fault a tick before it is due."""
+        if self.situation.deviations[number].where != "fault":
+            return 0.0
         of_faults = [n for n, each in enumerate(self.situation.deviations) if each.where == "fault"]
         return max(0.0, float(self.entries[of_faults.index(number)]["when"]["at"]) - TICK)
 
@@ -282,15 +297,15 @@ class Experiment:
         shutil.rmtree(place, ignore_errors=True)
         if since <= 0.0:
             return read_recipe(self._request(place, files, faults))
-        with Run(self.run) as run, Run(self.prefix) as clean:
+        with Run(self.whole) as run, Run(self.prefix) as clean, RecordedRun(run) as recorded:
             limit = min(LIMIT, max(run.end, clean.end) + LATER)
-        with Run(self.prefix) as run, RecordedRun(run) as recorded:
             found = recorded.last_checkpoint(since)
             recipe = read_recipe(self._request(place, files, faults))
             if found is not None:
                 start = recorded.from_checkpoint(*found).start
                 assert start is not None
-                recipe = replace(recipe, start=_with_faults(start, recipe))
+                before = recorded.recipe().faults
+                recipe = replace(recipe, start=_with_faults(start, recipe, before))
         return replace(recipe, limit=limit)
 
     def _outcome(self, recipe: Recipe, variant: StreamVariant) -> Facts:
@@ -373,10 +388,11 @@ class Experiment:
         return _only(self.folder / "runs")
 
 
-def _with_faults(start: StartCheckpoint, recipe: Recipe) -> StartCheckpoint:
-    """Return a checkpoint of a run without faults with the states that those of the recipe have then."""
+def _with_faults(start: StartCheckpoint, recipe: Recipe, before: FaultFile | None) -> StartCheckpoint:
+    """Return a checkpoint with the states of the recipe's faults; those that are the same keep theirs."""
     state = start.state
-    return replace(start, state=replace(state, faults=new_states(recipe.faults, recipe.seed, state.time)))
+    faults = new_states(recipe.faults, recipe.seed, state.time, (before, state.faults))
+    return replace(start, state=replace(state, faults=faults))
 
 
 def _only(folder: Path) -> Path:

@@ -95,7 +95,14 @@ def test_a_cause_is_in_a_smallest_set_that_ends_the_outcome(
         frozenset(map(int, present)): [frozenset({"goal"})] * number + [frozenset[str]()] * (3 - number)
         for present, number in counts.items()
     }
-    assert program("_situation_labels").cause_of(runs, frozenset({0, 1}), "goal") == expected
+    tests = _compared(program, runs)
+    assert program("_situation_labels").cause_of(tests, frozenset({0, 1}), "goal") == expected
+
+
+def _compared(program: Program, runs: Mapping[frozenset[int], Any]) -> dict[frozenset[int], Any]:
+    """Return the comparisons by what is taken away, from the outcomes by what is present."""
+    comparison, whole = program("_situation_labels").Comparison, frozenset({0, 1})
+    return {whole - left: comparison(runs[whole], runs[left]) for left in runs if left != whole}
 
 
 def test_an_item_that_two_deviations_lose_has_a_set_of_its_own(program: Program) -> None:
@@ -106,7 +113,9 @@ def test_an_item_that_two_deviations_lose_has_a_set_of_its_own(program: Program)
         frozenset({0}): [both] * 3,
         frozenset(): [frozenset()] * 3,
     }
-    label = program("_situation_labels").label_of(runs, frozenset({0, 1}), ("goal", "item 1", "item 2"))
+    label = program("_situation_labels").label_of(
+        _compared(program, runs), frozenset({0, 1}), ("goal", "item 1", "item 2")
+    )
     assert (label.status, label.groups, label.excluded) == ("cause", ((0,), (0, 1)), ())
 
 
