@@ -259,7 +259,7 @@ class Experiment:
         return Comparison(with_all, self._continued(present - taken, since, targets) if again else ())
 
     def _due(self, number: int) -> float:
-        """Return the time from which a deviation may act, simulated s: for a fault a tick before it is due."""
+        """Return the time from which a deviation may act, simulated s: of a fault a tick before it is due."""
         if self.situation.deviations[number].where != "fault":
             return 0.0
         of_faults = [n for n, each in enumerate(self.situation.deviations) if each.where == "fault"]
