@@ -435,7 +435,7 @@ def _true_number(run: Run, at: float, item: str, occasion: Occasion | None) -> i
 def names_of(run: Run, item: str, at: float) -> tuple[str, ...]:
     """Return the names of a true item: its id, colour and kind, and the ids of what was believed near it."""
     found = {item: None}
-    for time in (at, at + 1.0, run.end):
+    for time in (at - 1.0, at - 0.3, at, at + 1.0, run.end):  # a removed item is there before only
         moment = run.at(min(max(time, run.ticks.times[0]), run.ticks.times[-1]))
         body = next((b for b in (moment.truth.bodies if moment.truth else ()) if b.id == item), None)
         if body is None:
