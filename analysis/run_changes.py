@@ -16,6 +16,7 @@ from picktree.session import run_recipe
 from picktree.simulation import load_faults
 from picktree.trees import Mission
 from picktree.trees.loading import scene_names
+from picktree.world import StreamVariant
 from picktree.world.robot_model import load_robot
 from picktree.world.scene import load_scene
 
@@ -63,6 +64,9 @@ class RunChanges:
     faults: Path | None = None
     no_faults: bool = False
     seed: int | None = None
+    variant: int | None = None
+    """Number of a variant of sensor noise and planner seeds, from 1. `what_if` applies it from its time on,
+    `resimulate` from the beginning."""
 
     def __bool__(self) -> bool:
         return self != RunChanges()
@@ -81,8 +85,11 @@ class ChangedRecipe:
     """Whether nodes or their ports may differ from the recorded tree."""
 
 
-def apply_changes(changes: RunChanges, recorded: run_recipe.Recipe) -> ChangedRecipe:
-    """Apply the changes. Raises PicktreeError (FileError with all its errors for a faulty file)."""
+def apply_changes(changes: RunChanges, recorded: run_recipe.Recipe, since: float = 0.0) -> ChangedRecipe:
+    """Apply the changes; noise and planner seeds differ from the time `since` on, s.
+
+    Raises PicktreeError (FileError with all its errors for a faulty file).
+    """
     recipe, sentences = recorded, list[str]()
     warnings: tuple[Diagnostic, ...] = ()
     if changes.scene is not None:
@@ -114,6 +121,9 @@ def apply_changes(changes: RunChanges, recorded: run_recipe.Recipe) -> ChangedRe
     if changes.seed is not None:
         sentences.append(f"seed {changes.seed} instead of {recorded.seed}")
         recipe = replace(recipe, seed=changes.seed)
+    if changes.variant is not None:
+        sentences.append(f"noise and planner seeds of variant {changes.variant} from {since:.2f} s on")
+        recipe = replace(recipe, variant=StreamVariant(changes.variant, since))
     other = dict(parameters) != dict(recorded.parameters) or _texts(recipe.mission) != _texts(
         recorded.mission
     )

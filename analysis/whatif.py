@@ -201,7 +201,7 @@ def what_if(
         found = recorded.last_checkpoint(run.ticks.times[tick])
         name, state = found or ("", None)
         recipe = recorded.recipe() if state is None else recorded.from_checkpoint(name, state)
-        changed = apply_changes(changes, recipe)
+        changed = apply_changes(changes, recipe, run.ticks.times[tick])
         recipe = _with_fitting_checkpoint(recipe, changed, changes)
         begin = recipe.start.state.time if recipe.start else None
         comparison = RecordComparison(

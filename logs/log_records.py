@@ -19,7 +19,18 @@ from typing import (
 import orjson
 
 from picktree.simulation import HoleSeating
-from picktree.world import BlackboardWrite, Body, NodeState, Pose, Shape, Tick, Transition, Values, Vector3
+from picktree.world import (
+    BlackboardWrite,
+    Body,
+    NodeState,
+    Pose,
+    Shape,
+    StreamVariant,
+    Tick,
+    Transition,
+    Values,
+    Vector3,
+)
 from picktree.world.scene import Hole
 
 from .arithmetic_record import Arithmetic
@@ -132,6 +143,8 @@ class RunInfo:
     files: Mapping[str, str] = field(default_factory=dict[str, str])
     """SHA-256 in hex and path of the original file, by name of the attachment."""
     continues: ResumedFrom | None = None
+    variant: StreamVariant | None = None
+    """Other noise and planner seeds than those of the seed; None: those of the seed."""
 
     @property
     def seed_text(self) -> str:

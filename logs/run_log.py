@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from picktree.files import PicktreeError, listed
 from picktree.logs.mcap import RawMessage, is_written
 from picktree.logs.recording import decode_colour, decode_depth, foxglove_messages
-from picktree.world import Candidates, Intrinsics, JournalEvent, Plan, Tick, Tree
+from picktree.world import Candidates, Intrinsics, JournalEvent, Plan, StreamVariant, Tick, Tree
 
 from . import topics
 from .arithmetic_record import Arithmetic
@@ -82,6 +82,7 @@ def run_settings(metadata: Mapping[str, Mapping[str, str]], tick: float, path: P
             arithmetic=Arithmetic.from_words(metadata.get("picktree.arithmetic", {})),
             files=metadata.get("picktree.files", {}),
             continues=ResumedFrom.from_words(continues) if continues else None,
+            variant=StreamVariant.from_words(words["variant"]) if "variant" in words else None,
         )
     except (KeyError, ValueError) as error:
         raise PicktreeError(f"{path}: the log's metadata are incomplete: {error}") from None

@@ -266,6 +266,7 @@ class Execution:
         """Transfer of node states from a checkpoint of another mission; None: the mission is the same."""
         if start is not None:
             self._take_up(start)
+        self._vary_streams()
         self._first = resync_belief(self.world) if start and start.continues.as_it_stands else None
         """Resynchronisation of the belief before the tree resumes; None: not needed, or over."""
         self._checkpointed = self.tally.done
@@ -277,6 +278,7 @@ class Execution:
 
     def tick(self) -> tuple[Tick, tuple[Entry, ...]]:
         """Tick the tree and the faults; return the report of the tree and the tick's journal entries."""
+        self._vary_streams()
         with self.stopwatch.measure("tree"):
             report = self._look_first() or self.tree.tick()
         for happened in self.stage.tick() if self.stage else ():
@@ -394,6 +396,13 @@ class Execution:
         self.mission, self.tree = mission, tree
         self.tally.follow(tree.structure())
         return adoption
+
+    def _vary_streams(self) -> None:
+        """Draw noise and planner seeds from the recipe's variant, from its time on."""
+        variant = self.recipe.variant
+        if variant is not None and self.stage is not None and self.world.clock.now >= variant.since - 1e-9:
+            self.world.streams.variant = variant.number
+            self.stage.simulation.vary_noise(variant.number)
 
     def _count_items(self) -> int:
         if self.stage is not None:

@@ -32,7 +32,7 @@ from picktree.logs import RunLog, log_files, log_records
 from picktree.simulation import Backend, fault_entries, load_faults, parse_faults
 from picktree.trees import Mission, Plugin, RecordedFiles, name_of
 from picktree.trees.loading import NodeRegistry, load_surroundings, parse_mission
-from picktree.world import CompoundMesh, convex_decomposition, mesh_reader
+from picktree.world import CompoundMesh, StreamVariant, convex_decomposition, mesh_reader
 from picktree.world.robot_model import RobotDescription, load_robot, parse_robot, robot_file, urdf_parser
 from picktree.world.scene import MESH_SETS, SceneDescription, SceneFile, load_scene, scene_loading
 
@@ -129,6 +129,8 @@ class Recipe:
     """Share of the joints' speeds and accelerations that a robot may use."""
     perception_at: str = ""
     """Address of the process that recognises items for a robot; empty: they are recognised by colour."""
+    variant: StreamVariant | None = None
+    """Other noise of the simulated sensors and other planner seeds; None: those of the seed."""
 
 
 ASSORTMENT_MESHES: Final = "assortment.zip"
@@ -431,6 +433,7 @@ class Unpacking:
             info.own_scene,
             start,
             {name: words.partition(" ")[2] for name, words in info.files.items()},
+            variant=info.variant,
         )
 
     def mission(self, edit: str = "") -> Mission:
@@ -628,6 +631,7 @@ def write_recipe(recipe: Recipe, path: Path) -> None:
         verify=recipe.verify,
         limit=recipe.limit,
         own_scene=recipe.own_scene,
+        variant=recipe.variant,
         files=fingerprints(recipe, files),
     )
     data = io.BytesIO()

@@ -101,6 +101,7 @@ class SessionRecorder:
             verify=recipe.verify,
             limit=recipe.limit,
             own_scene=recipe.own_scene,
+            variant=recipe.variant,
             machine=environment.machine(),
             arithmetic=arithmetic(),
             files=fingerprints(recipe, self._files),

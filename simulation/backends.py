@@ -36,6 +36,10 @@ class Simulation(Hardware, InjectableRobot, Protocol):
         """Return the scene's fixtures at their true poses."""
         ...
 
+    def vary_noise(self, variant: int) -> None:
+        """Draw the noise of the sensors from that variant of their streams; a bias does not change."""
+        ...
+
     def checkpoint(self) -> Checkpoint | KinematicState:
         """Save the state and continue from the saved state."""
         ...

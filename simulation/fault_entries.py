@@ -120,6 +120,9 @@ class Fault(file_models.FileValue):
     probability: Probability = field(default=1.0, kw_only=True)
     """Probability of the fault at each of its occasions. Drawn from the run's seed, from a separate
     stream."""
+    off: file_models.Flag = field(default=False, kw_only=True)
+    """true: the fault keeps its place in the file and never happens. The draws of the other faults, which
+    depend on their places, do not change."""
 
 
 KINDS: Final[dict[str, type[Fault]]] = {}

@@ -172,6 +172,8 @@ class FaultSchedule:
 
     def begun(self, number: int, fault: Fault, since: float | None = None) -> FaultState:
         """Return the state of a new fault. Occasions until the time `since`, s, are skipped."""
+        if fault.off:
+            return FaultState(done=True)
         if not isinstance(fault.when, AtTime):
             return FaultState()
         state = self._at_time(number, fault, FaultState(), fault.when.time)
@@ -400,7 +402,7 @@ class FaultInjector:
                     waits = time > now
                 case AtNode(start=start):
                     waits = state.starts < start
-            if waits:
+            if waits and not fault.off:
                 never.append(fault.fault)
         return tuple(never)
 

@@ -79,7 +79,8 @@ class BlockNoise:
         self._streams = streams
         self._stream = f"sensor/{sensor}"
         self._deviations = np.array(deviations)
-        self._number = -1
+        self._drawn = (-1, 0)
+        """Number and stream variant of the present block."""
         self._block: Array = np.empty((0, len(deviations)))
         self._numbers: list[list[float]] = []
 
@@ -96,8 +97,8 @@ class BlockNoise:
     def _row(self, step: int) -> int:
         """Return the row of a step in its block; draws the block when it is not the present one."""
         number, row = divmod(step, NOISE_BLOCK_STEPS)
-        if number != self._number:
-            self._number = number
+        if (drawn := (number, self._streams.variant)) != self._drawn:
+            self._drawn = drawn
             rng = self._streams.at(self._stream, number)
             self._block = rng.standard_normal((NOISE_BLOCK_STEPS, len(self._deviations))) * self._deviations
             self._numbers = self._block.tolist()

@@ -21,7 +21,7 @@ from .causes import (
 from .journal import Journal as Journal
 from .planning_scene import BeliefObject as BeliefObject, PlanningScene as PlanningScene
 from .protocols import Intrinsics as Intrinsics, RgbdImage as RgbdImage
-from .random_streams import RandomStreams as RandomStreams
+from .random_streams import RandomStreams as RandomStreams, StreamVariant as StreamVariant
 from .shapes import (
     Box as Box,
     ConvexMesh as ConvexMesh,

@@ -36,6 +36,10 @@ def whatif(
         ),
     ] = None,
     no_faults: Annotated[bool, typer.Option("--no-faults", help="Resume without faults.")] = False,
+    noise: Annotated[
+        int | None,
+        typer.Option(min=1, help="Other sensor noise and planner seeds from TICK on: the variant's number."),
+    ] = None,
     out: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Folder for the folder of the new run.", show_default="runs"),
@@ -52,7 +56,7 @@ def whatif(
         raise PicktreeError("--faults and --no-faults exclude each other")
     from picktree.analysis import RunChanges, what_if
 
-    changes = RunChanges(mission, None, settings, faults, no_faults)
+    changes = RunChanges(mission, None, settings, faults, no_faults, variant=noise)
     from .progress import run_display
 
     with run_display() as view:

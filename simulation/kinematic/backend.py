@@ -94,7 +94,7 @@ class KinematicHardware:
         self.arm = KinematicArm(self.model, period, self.faults)
         self.gripper = KinematicGripper(robot.gripper, self.bodies, self.faults)
         self.wrench = KinematicWrench(self.faults, lambda: self.model.flange(self.arm.position).orientation)
-        streams = RandomStreams(seed)
+        self._streams = RandomStreams(seed)
         stage = RenderStage(real, robot, period)
         self.cameras: Mapping[str, Camera] = MappingProxyType(
             {
@@ -106,7 +106,7 @@ class KinematicHardware:
                     self._posture,
                     lambda: self._obstacles.here,
                     self.faults,
-                    streams,
+                    self._streams,
                 )
                 for c in scene.cameras
             }
@@ -136,6 +136,10 @@ class KinematicHardware:
     def take_events(self) -> tuple[JournalEvent, ...]:
         """Return the events of the feed since the last call."""
         return self._feeder.take_events() if self._feeder is not None else ()
+
+    def vary_noise(self, variant: int) -> None:
+        """Draw the noise of the cameras' faults from that variant of their streams."""
+        self._streams.variant = variant
 
     @classmethod
     def resume(

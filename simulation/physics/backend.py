@@ -212,6 +212,10 @@ class PhysicsHardware:
         brought = self._feeder.take_events() if self._feeder is not None else ()
         return (*brought, *self.crushing.take_events())
 
+    def vary_noise(self, variant: int) -> None:
+        """Draw the noise of the sensors from that variant of their streams; a bias does not change."""
+        self._streams.variant = variant
+
     def checkpoint(self) -> checkpoints.Checkpoint:
         """Save, reset, rebuild and restore the simulation. The run continues as a resumed run would: contact
         caches and solver history are dropped in both."""

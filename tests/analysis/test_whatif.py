@@ -128,6 +128,28 @@ def test_without_the_fault_it_would_have_gone_well(failed: RunResult, tmp_path: 
     assert (found.now.status, found.now.items_sorted, found.now.failures) == ("success", 4, {})
 
 
+def test_a_fault_that_is_switched_off_keeps_its_place(failed: RunResult, tmp_path: Path) -> None:
+    off = tmp_path / "off.yaml"
+    off.write_text(FAULTS.replace("{fault: bump,", "{fault: bump, off: true,"))
+    found = what_if(failed.log, f"{failed.sim_seconds:.2f}s", changes=RunChanges(faults=off), out=tmp_path)
+    assert (found.status, found.now.items_sorted) == ("success", 4)
+
+
+def test_noise_and_planner_seeds_differ_from_the_asked_time_on(failed: RunResult, tmp_path: Path) -> None:
+    with Run(failed.log) as run:
+        second = [visit.start for visit in run.visits if visit.id == "Grasp"][1]
+    found = what_if(failed.log, f"{second:.2f}s", changes=RunChanges(variant=1), out=tmp_path)
+    assert found.start < second
+    assert found.difference is not None
+    with Run(failed.log) as run:
+        assert found.difference.tick >= run.ticks.number_at(second)
+    with Run(found.new_log) as run:
+        assert run.info.variant is not None
+        assert (run.info.variant.number, run.info.variant.since) == (1, pytest.approx(second))
+    again = what_if(found.new_log, f"{second + 1.0:.2f}s", out=tmp_path)
+    assert again.identical and again.exact
+
+
 def test_a_parameter_counts_for_what_runs_at_the_checkpoint(failed: RunResult, tmp_path: Path) -> None:
     found = what_if(failed.log, "130", changes=RunChanges(settings={"policy": "continue"}), out=tmp_path)
     assert found.changes == ("set policy: continue",)

@@ -16,6 +16,7 @@ _ORDER = (
     "fault_campaign",
     "_atlas_page",
     "_soaking", "_soak_report", "machines", "speed", "_explanation_cases", "explanations",
+    "_situation_drawing", "_situation_labels", "_situation_score", "situations",
 )  # fmt: skip
 """Each after what it imports."""
 
