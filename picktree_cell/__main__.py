@@ -17,9 +17,6 @@ from picktree.drivers import protocol
 
 from .cell_description import CellError, read_cell
 from .cell_faults import CellFaults, read_faults
-from .cell_score import score
-from .plant import Plant
-from .server import CellServer, serve
 
 MODES = {
     "position": protocol.Capability.POSITION,
@@ -29,43 +26,73 @@ MODES = {
 
 def main(arguments: list[str] | None = None) -> int:
     """Serve a cell until a signal comes; return the exit code. 2: bad input."""
-    parser = argparse.ArgumentParser(
-        prog="picktree_cell", description="Serve a robot cell in MuJoCo over picktree's protocol of drivers."
-    )
-    parser.add_argument("cell", type=Path, help="cell file of `picktree cell`")
-    parser.add_argument("--at", default="/tmp/picktree_cell.sock", help="Unix socket, or HOST:PORT")
-    parser.add_argument("--seed", type=int, default=0, help="seed of inertias, friction and noise")
-    parser.add_argument("--faults", type=Path, help="JSON file with faults of the cell")
-    parser.add_argument(
-        "--mode", choices=sorted(MODES), default="position", help="commands that the robot takes"
-    )
-    parser.add_argument("--clients", type=int, default=0, help="end after that number of clients")
-    parser.add_argument("--score", type=Path, help="JSON file for the score at the end; else it is printed")
-    options = parser.parse_args(arguments)
+    options = _options().parse_args(arguments)
     signal.signal(signal.SIGTERM, _end)
     try:
-        address = protocol.Address.parse(options.at)
-        token = os.environ.get(protocol.TOKEN_VARIABLE, "")
-        address.require_token(token)
-        faults = read_faults(options.faults) if options.faults else CellFaults()
-        plant = Plant(read_cell(options.cell), faults, options.seed)
-        server = CellServer(plant, options.seed, token, MODES[options.mode])
-        try:
-            serve(server, address, clients=options.clients)
-        except KeyboardInterrupt:
-            pass
-        finally:
-            if address.path and os.path.exists(address.path):
-                os.unlink(address.path)
-        text = json.dumps(score(plant))
-        if options.score:
-            options.score.write_text(text + "\n", encoding="utf-8")
-        else:
-            print(text, flush=True)
+        _serve(options)
     except (CellError, protocol.ProtocolError) as error:
         print(error, file=sys.stderr)
         return 2
     return 0
+
+
+def _options() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="picktree_cell", description="Serve a robot cell in MuJoCo over picktree's protocol of drivers."
+    )
+    add = parser.add_argument
+    add("cell", type=Path, help="cell file of `picktree cell`")
+    add("--at", default="/tmp/picktree_cell.sock", help="Unix socket, or HOST:PORT")
+    add("--seed", type=int, default=0, help="seed of inertias, friction and noise")
+    add("--faults", type=Path, help="JSON file with faults of the cell")
+    add("--mode", choices=sorted(MODES), default="position", help="commands that the robot takes")
+    add("--model", type=Path, help="MJCF file of the robot, in place of the cell file's URDF")
+    add(
+        "--rename",
+        type=_rename,
+        action="append",
+        default=[],
+        metavar="OLD=NEW",
+        help="beginning of the cell file's joints and links, and what --model has instead; repeatable",
+    )
+    add("--clients", type=int, default=0, help="end after that number of clients")
+    add("--score", type=Path, help="JSON file for the score at the end; else it is printed")
+    return parser
+
+
+def _serve(options: argparse.Namespace) -> None:
+    """Serve the cell. Raises CellError and ProtocolError for bad input."""
+    from .cell_score import score
+    from .plant import Plant
+    from .robot_model import MakersModel
+    from .server import CellServer, serve
+
+    address = protocol.Address.parse(options.at)
+    token = os.environ.get(protocol.TOKEN_VARIABLE, "")
+    address.require_token(token)
+    faults = read_faults(options.faults) if options.faults else CellFaults()
+    makers = MakersModel(options.model, tuple(options.rename)) if options.model else None
+    plant = Plant(read_cell(options.cell), faults, options.seed, makers)
+    server = CellServer(plant, options.seed, token, MODES[options.mode])
+    try:
+        serve(server, address, clients=options.clients)
+    except KeyboardInterrupt:
+        pass
+    finally:
+        if address.path and os.path.exists(address.path):
+            os.unlink(address.path)
+    text = json.dumps(score(plant))
+    if options.score:
+        options.score.write_text(text + "\n", encoding="utf-8")
+    else:
+        print(text, flush=True)
+
+
+def _rename(text: str) -> tuple[str, str]:
+    old, found, new = text.partition("=")
+    if not old or not found:
+        raise argparse.ArgumentTypeError(f"{text!r} is no OLD=NEW, as panda_=fr3_")
+    return old, new
 
 
 def _end(number: int, frame: FrameType | None) -> None:

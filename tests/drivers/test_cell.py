@@ -16,10 +16,13 @@ from picktree.drivers import protocol as p
 
 pytest.importorskip("mujoco")
 
+import mujoco
+
 from picktree_cell.cell_description import Cell, CellError, parse_cell, read_cell
 from picktree_cell.cell_faults import CellFaults, read_faults
 from picktree_cell.cell_score import score
 from picktree_cell.plant import Plant
+from picktree_cell.robot_model import TCP, WRIST, MakersModel, robot_spec
 from picktree_cell.server import CellServer
 
 from .served_cell import write_cell
@@ -51,9 +54,9 @@ def move(plant: Plant, speed: float, periods: int = 40) -> np.ndarray:
 
 def test_the_wrist_reads_the_weight_of_the_hand_in_its_own_axes(cell: Cell) -> None:
     plant = Plant(cell, EXACT, 0)
-    flange = plant.data.xmat[plant.parts.flange].reshape(3, 3)
+    flange = plant.data.site_xmat[plant.parts.wrist].reshape(3, 3)
     in_world = flange @ plant.reading().wrench[:3]
-    weight = 9.81 * plant.parts.model.body_subtreemass[plant.parts.flange]
+    weight = 9.81 * plant.parts.model.body_subtreemass[plant.parts.hand]
     assert np.allclose(in_world, [0.0, 0.0, -weight], atol=0.02)
     assert np.abs(flange[2, 2]) > 0.9  # the hand points down, so that a wrong sign would show
 
@@ -259,3 +262,37 @@ def test_what_is_no_fault_is_said(tmp_path: Path) -> None:
     with pytest.raises(CellError) as raised:
         read_faults(file)
     assert str(raised.value) == f"{file}: gripper_latency is -1; it is a number of at least 0"
+
+
+def makers_file(cell: Cell, folder: Path) -> Path:
+    """Write the cell's robot as an MJCF file with names and motors of its own."""
+    spec = robot_spec(cell.robot, None).spec
+    spec.delete(next(site for site in spec.sites if site.name == WRIST))
+    spec.delete(next(site for site in spec.sites if site.name == TCP))
+    spec.add_actuator(name="own", target=cell.robot.joints[0].name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    spec.compile()
+    for name, data in cell.robot.meshes.items():
+        (folder / name).write_bytes(data)
+    file = folder / "robot.xml"
+    file.write_text(spec.to_xml().replace("panda_", "fr3_"))
+    return file
+
+
+def test_the_robot_is_that_of_its_makers_model(cell: Cell, tmp_path: Path) -> None:
+    """Wrist and TCP stay where the cell file has them; another arm is refused."""
+    file = makers_file(cell, tmp_path)
+    by_model = Plant(cell, EXACT, 0, MakersModel(file, (("panda_", "fr3_"),)))
+    by_urdf = Plant(cell, EXACT, 0)
+    for one, other in zip(by_model.tcp(), by_urdf.tcp(), strict=True):
+        assert np.allclose(one, other, atol=2e-4)
+    assert np.allclose(by_model.reading().wrench, by_urdf.reading().wrench, atol=0.01)
+    move(by_model, 0.3)
+    assert by_model.stop is p.Stop.NONE
+    assert by_model.parts.model.nu == 9  # the motors of the model are gone
+    with pytest.raises(CellError, match=r"robot\.xml has no joint 'panda_joint1'; it has fr3_joint1"):
+        Plant(cell, EXACT, 0, MakersModel(file))
+    file.write_text(file.read_text().replace('pos="0 -0.316 0"', 'pos="0 -0.3 0"'))
+    with pytest.raises(CellError) as raised:
+        Plant(cell, EXACT, 0, MakersModel(file, (("panda_", "fr3_"),)))
+    assert str(raised.value).startswith(f"{file}: its flange is ")
+    assert str(raised.value).endswith("of panda: this is the model of another arm, or of another base")
