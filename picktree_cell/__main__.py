@@ -56,6 +56,7 @@ def _options() -> argparse.ArgumentParser:
         help="beginning of the cell file's joints and links, and what --model has instead; repeatable",
     )
     add("--clients", type=int, default=0, help="end after that number of clients")
+    add("--film", type=Path, help="film of the run, .mp4 or .gif; needs PyAV")
     add("--score", type=Path, help="JSON file for the score at the end; else it is printed")
     return parser
 
@@ -63,6 +64,7 @@ def _options() -> argparse.ArgumentParser:
 def _serve(options: argparse.Namespace) -> None:
     """Serve the cell. Raises CellError and ProtocolError for bad input."""
     from .cell_score import score
+    from .film import Film
     from .plant import Plant
     from .robot_model import MakersModel
     from .server import CellServer, serve
@@ -73,12 +75,16 @@ def _serve(options: argparse.Namespace) -> None:
     faults = read_faults(options.faults) if options.faults else CellFaults()
     makers = MakersModel(options.model, tuple(options.rename)) if options.model else None
     plant = Plant(read_cell(options.cell), faults, options.seed, makers)
-    server = CellServer(plant, options.seed, token, MODES[options.mode])
+    film = Film(options.film, plant) if options.film else None
+    watched = film.follow if film else lambda: None
+    server = CellServer(plant, options.seed, token, MODES[options.mode], watched)
     try:
         serve(server, address, clients=options.clients)
     except KeyboardInterrupt:
         pass
     finally:
+        if film:
+            film.close()
         if address.path and os.path.exists(address.path):
             os.unlink(address.path)
     text = json.dumps(score(plant))

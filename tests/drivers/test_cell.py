@@ -21,12 +21,14 @@ import mujoco
 from picktree_cell.cell_description import Cell, CellError, parse_cell, read_cell
 from picktree_cell.cell_faults import CellFaults, read_faults
 from picktree_cell.cell_score import score
+from picktree_cell.film import Film
 from picktree_cell.plant import Plant
 from picktree_cell.robot_model import TCP, WRIST, MakersModel, robot_spec
 from picktree_cell.server import CellServer
 
 from .served_cell import write_cell
 
+ROOT = Path(__file__).parents[2]
 EXACT = CellFaults(wrench_noise=0.0, inertia_error=0.0, hand_mass_error=0.0)
 
 
@@ -296,3 +298,22 @@ def test_the_robot_is_that_of_its_makers_model(cell: Cell, tmp_path: Path) -> No
         Plant(cell, EXACT, 0, MakersModel(file, (("panda_", "fr3_"),)))
     assert str(raised.value).startswith(f"{file}: its flange is ")
     assert str(raised.value).endswith("of panda: this is the model of another arm, or of another base")
+
+
+def test_a_film_shows_the_cell_from_outside(cell: Cell, tmp_path: Path) -> None:
+    """One picture in a tenth of a second of the robot's time, with all items and the robot's shadow."""
+    av = pytest.importorskip("av")
+    plant = Plant(cell, EXACT, 0)
+    film = Film(tmp_path / "film.gif", plant)
+    for _ in range(25):
+        film.follow()
+        plant.advance(0.01)
+    film.close()
+    with av.open(str(tmp_path / "film.gif")) as made:
+        pictures = [frame.to_ndarray(format="rgb24").astype(int) for frame in made.decode(video=0)]
+    assert len(pictures) == 3
+    for number in range(3):  # red, green and blue are those of items
+        others = np.delete(pictures[0], number, axis=2).max(axis=2)
+        assert (pictures[0][:, :, number] > 2 * others + 40).sum() > 20
+    with pytest.raises(CellError, match=r"film\.avi: a film is a file that ends in \.mp4 or \.gif"):
+        Film(tmp_path / "film.avi", plant)
