@@ -15,7 +15,7 @@ from types import FrameType
 
 from picktree.drivers import protocol
 
-from .cell_description import CellError, read_cell
+from .cell_description import NO_GL, CellError, read_cell
 from .cell_faults import CellFaults, read_faults
 
 MODES = {
@@ -55,6 +55,7 @@ def _options() -> argparse.ArgumentParser:
         metavar="OLD=NEW",
         help="beginning of the cell file's joints and links, and what --model has instead; repeatable",
     )
+    add("--camera", choices=("rays", "gl"), default="rays", help="gl: by OpenGL; see MUJOCO_GL of MuJoCo")
     add("--clients", type=int, default=0, help="end after that number of clients")
     add("--film", type=Path, help="film of the run, .mp4 or .gif; needs PyAV")
     add("--score", type=Path, help="JSON file for the score at the end; else it is printed")
@@ -63,9 +64,14 @@ def _options() -> argparse.ArgumentParser:
 
 def _serve(options: argparse.Namespace) -> None:
     """Serve the cell. Raises CellError and ProtocolError for bad input."""
+    if options.camera == "gl":
+        _choose_gl()
+    # MuJoCo chooses its graphics library when it is imported.
     from .cell_score import score
     from .film import Film
+    from .gl_camera import GlCamera
     from .plant import Plant
+    from .ray_camera import RayCamera
     from .robot_model import MakersModel
     from .server import CellServer, serve
 
@@ -77,7 +83,8 @@ def _serve(options: argparse.Namespace) -> None:
     plant = Plant(read_cell(options.cell), faults, options.seed, makers)
     film = Film(options.film, plant) if options.film else None
     watched = film.follow if film else lambda: None
-    server = CellServer(plant, options.seed, token, MODES[options.mode], watched)
+    camera = GlCamera if options.camera == "gl" else RayCamera
+    server = CellServer(plant, options.seed, token, MODES[options.mode], watched, camera)
     try:
         serve(server, address, clients=options.clients)
     except KeyboardInterrupt:
@@ -92,6 +99,15 @@ def _serve(options: argparse.Namespace) -> None:
         options.score.write_text(text + "\n", encoding="utf-8")
     else:
         print(text, flush=True)
+
+
+def _choose_gl() -> None:
+    """Import MuJoCo with a graphics library that needs no display. Raises CellError where there is none."""
+    os.environ.setdefault("MUJOCO_GL", "egl")
+    try:
+        import mujoco  # noqa: F401 # pyright: ignore[reportUnusedImport]
+    except (ImportError, AttributeError, OSError, RuntimeError) as error:
+        raise CellError(NO_GL.format(os.environ["MUJOCO_GL"], error)) from None
 
 
 def _rename(text: str) -> tuple[str, str]:

@@ -32,16 +32,17 @@ class CellServer:
         token: str = "",
         mode: protocol.Capability | None = None,
         advanced: Callable[[], object] = lambda: None,
+        camera: type[RayCamera] = RayCamera,
     ) -> None:
         """`token`: what a client must know; empty: nothing. `mode`: the only mode of commands; None: all.
-        `advanced`: called after time has passed."""
+        `advanced`: called after time has passed. `camera`: the kind of all cameras."""
         self.plant = plant
         self._advanced = advanced
         self._token = token
         modes = protocol.Capability.POSITION | protocol.Capability.TORQUE if mode is None else mode
         self.capabilities = modes | protocol.Capability.LOCKSTEP | protocol.Capability.WRENCH
         self._cameras = [
-            RayCamera(entry, plant.parts, plant.faults, seed, n) for n, entry in enumerate(plant.cell.cameras)
+            camera(entry, plant.parts, plant.faults, seed, n) for n, entry in enumerate(plant.cell.cameras)
         ]
         self._segments: list[shared_memory.SharedMemory] = []
         self._sequence = 0

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import socket
+import subprocess
+import sys
 import threading
 from contextlib import suppress
 from dataclasses import replace
@@ -317,3 +320,13 @@ def test_a_film_shows_the_cell_from_outside(cell: Cell, tmp_path: Path) -> None:
         assert (pictures[0][:, :, number] > 2 * others + 40).sum() > 20
     with pytest.raises(CellError, match=r"film\.avi: a film is a file that ends in \.mp4 or \.gif"):
         Film(tmp_path / "film.avi", plant)
+
+
+def test_a_graphics_library_that_is_not_there_is_named(cell: Cell, tmp_path: Path) -> None:
+    environment = {**os.environ, "MUJOCO_GL": "nothing"}
+    command = [sys.executable, "-m", "picktree_cell", str(write_cell(tmp_path)), "--camera", "gl"]
+    done = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2
+    assert done.stderr.startswith(
+        "--camera gl: the graphics library 'nothing' of MUJOCO_GL does not work here (invalid value for "
+    )
