@@ -79,6 +79,8 @@ def _serve(options: argparse.Namespace) -> None:
     token = os.environ.get(protocol.TOKEN_VARIABLE, "")
     address.require_token(token)
     faults = read_faults(options.faults) if options.faults else CellFaults()
+    if options.rename and not options.model:
+        raise CellError("--rename is for the names of --model; give its file, too")
     makers = MakersModel(options.model, tuple(options.rename)) if options.model else None
     plant = Plant(read_cell(options.cell), faults, options.seed, makers)
     film = Film(options.film, plant) if options.film else None

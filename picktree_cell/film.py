@@ -107,6 +107,7 @@ class Film:
         self._view = Viewpoint(plant)
         kind, codec, pixels = FORMATS[ending]
         try:
+            path.touch()  # PyAV opens it with the first picture.
             self._container = self._av.open(str(path), "w", format=kind)
         except OSError as error:
             raise CellError(f"{path}: the film cannot be written: {error.strerror}") from None

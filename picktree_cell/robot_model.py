@@ -220,7 +220,7 @@ def _require(spec: mujoco.MjSpec, joints: Sequence[str], where: str) -> None:
     known = [joint.name for joint in spec.joints]
     for name in joints:
         if name not in known:
-            raise CellError(f"{where} has no joint {name!r}; it has {', '.join(known)}")
+            raise CellError(f"{where} has no joint {name!r}; it has {', '.join(known) or 'none'}")
 
 
 def _outermost(spec: mujoco.MjSpec, joint: str) -> mujoco.MjsBody:

@@ -320,6 +320,8 @@ def test_a_film_shows_the_cell_from_outside(cell: Cell, tmp_path: Path) -> None:
         assert (pictures[0][:, :, number] > 2 * others + 40).sum() > 20
     with pytest.raises(CellError, match=r"film\.avi: a film is a file that ends in \.mp4 or \.gif"):
         Film(tmp_path / "film.avi", plant)
+    with pytest.raises(CellError, match=r"film\.gif: the film cannot be written: No such file or directory"):
+        Film(tmp_path / "none" / "film.gif", plant)
 
 
 def test_a_graphics_library_that_is_not_there_is_named(cell: Cell, tmp_path: Path) -> None:
