@@ -99,10 +99,12 @@ def campaign(
     *,
     cost: float | Callable[[Any], float],
     short: Callable[[Row], object],
+    order: Callable[[Any], int] = lambda job: 0,
 ) -> list[Row]:
     """Run the jobs that have no result in the folder yet, and return a row for each job that has one.
 
-    They are run in an order without order: those of a campaign that is cut off are a sample of all.
+    They are run by `order`, and those of the same in an order without order: those of a campaign that is cut
+    off are a sample of all.
 
     A row has the `seed` and the values of the `job`.
 
@@ -113,7 +115,7 @@ def campaign(
     try:
         with _locked(given.out) as folder:
             kept = Results(folder, reference(), _program(one), mixed=given.mixed)
-            missing = sorted(filter(kept.to_do, jobs), key=lambda job: _digest(plain(job)))
+            missing = sorted(filter(kept.to_do, jobs), key=lambda job: (order(job), _digest(plain(job))))
             forecast = Forecast(kept, cost)
             print(_plan(given, missing, jobs, kept, forecast), file=sys.stderr, flush=True)
             if missing:

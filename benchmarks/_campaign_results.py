@@ -84,7 +84,11 @@ class Results:
 
 def source_digest(program: Path) -> str:
     """Return a digest of a campaign's program, the helpers beside it, and all that affects a run."""
-    parts = [*(ROOT / "benchmarks").glob("_*.py"), *(ROOT / "examples").rglob("*.yaml")]
+    parts = [
+        *(ROOT / "benchmarks").glob("_*.py"),
+        *(ROOT / "examples").rglob("*.yaml"),
+        *(ROOT / "picktree_cell").glob("*.py"),
+    ]
     found = hashlib.sha256()
     for file in sorted({program, *parts, *(ROOT / path for path in sources())}):
         found.update(f"{file.name}\0".encode() + file.read_bytes() + b"\0")

@@ -50,7 +50,7 @@ COLUMNS: Final[Mapping[str, tuple[ValueType, str]]] = {
     "mission": (TEXT, "name of the mission"),
     "scene": (TEXT, "name of the scene"),
     "robot": (TEXT, "name of the robot"),
-    "backend": (TEXT, "physics or kinematic"),
+    "backend": (TEXT, "physics, kinematic or robot"),
     "seed": (INT, "seed of everything random"),
     "sorted": (INT, "number of items at their destination"),
     "total": (INT, "number of items with a destination"),

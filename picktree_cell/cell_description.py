@@ -22,6 +22,15 @@ class CellError(ValueError):
     """File or setting that the cell cannot use; the text is one sentence."""
 
 
+GIVES: Final = ("pose", "mask", "box")
+"""What findings have: mask and pose, a mask alone, or a box alone."""
+NO_GL: Final = (
+    "--camera gl: the graphics library {!r} of MUJOCO_GL does not work here ({}); install libegl1, or "
+    "libosmesa6 for MUJOCO_GL=osmesa, or use --camera rays"
+)
+"""Sentence on a graphics library that does not work, for its name and error."""
+
+
 @dataclass(frozen=True, slots=True)
 class Place:
     """Position, m, and unit quaternion x, y, z, w."""

@@ -22,6 +22,7 @@ from picktree.drivers import protocol
 from .cell_description import Cell
 from .cell_faults import CellFaults
 from .cell_model import STEP, CellModel, build_model
+from .robot_model import MakersModel
 
 SILENCE = 0.15
 """Time without a command after which the robot brakes, s."""
@@ -93,10 +94,13 @@ def between(one: PathPoint, other: PathPoint, time: float) -> tuple[Array, Array
 class Plant:
     """Robot cell that advances in steps of 1 ms. Its clock is 0 once the items have settled."""
 
-    def __init__(self, cell: Cell, faults: CellFaults, seed: int) -> None:
-        """Build the model and let the items settle. Raises CellError for a cell that is no model."""
+    def __init__(self, cell: Cell, faults: CellFaults, seed: int, makers: MakersModel | None = None) -> None:
+        """Build the model and let the items settle; `makers`: the robot's model in place of its URDF.
+
+        Raises CellError for a cell that is no model.
+        """
         self.cell = cell
-        self.parts: CellModel = build_model(cell, faults, seed)
+        self.parts: CellModel = build_model(cell, faults, seed, makers)
         self.faults = faults
         self.data = mujoco.MjData(self.parts.model)
         robot = cell.robot
@@ -111,9 +115,6 @@ class Plant:
         self._drives = np.array([row[0] for row in robot.gripper.positions])
         order = np.argsort(self._drives)
         self._drive_order, self._width_order = self._drives[order], self._widths[order]
-        self._tcp_turn = np.empty(9)
-        mujoco.mju_quat2Mat(self._tcp_turn, np.array(robot.tcp.wxyz))
-        self._tcp_at = np.array(robot.tcp.at)
         workspace = np.array(cell.workspace)
         self._least, self._greatest = workspace[:3] - WORKSPACE_MARGIN, workspace[3:] + WORKSPACE_MARGIN
         self._start()
@@ -150,7 +151,7 @@ class Plant:
         self._target = gripper.max_width
         self._finger_force = 0.0
         self._felt = np.zeros(3)
-        self._hand_weight = 9.81 * float(parts.model.body_subtreemass[parts.flange])
+        self._hand_weight = 9.81 * float(parts.model.body_subtreemass[parts.hand])
         self._past: deque[Reading] = deque(maxlen=round(self.faults.state_latency / STEP) + 1)
         self._delays = self._past.maxlen != 1
         for _ in range(round(SETTLING_TIME / STEP)):
@@ -204,9 +205,8 @@ class Plant:
 
     def tcp(self) -> tuple[Array, Array]:
         """Return the TCP's true position (3,) and rotation (3, 3) in the world."""
-        data, link = self.data, self.parts.tcp_link
-        rotation = data.xmat[link].reshape(3, 3)
-        return data.xpos[link] + rotation @ self._tcp_at, rotation @ self._tcp_turn.reshape(3, 3)
+        data, site = self.data, self.parts.tcp
+        return data.site_xpos[site].copy(), data.site_xmat[site].reshape(3, 3).copy()
 
     @property
     def width(self) -> float:
@@ -338,9 +338,9 @@ class Plant:
 
     def _contact_force(self) -> Array:
         """Return the force (3,) at the wrist without the weight of the hand, flange axes, N."""
-        data, flange = self.data, self.parts.flange
+        data, wrist = self.data, self.parts.wrist
         # Gravity along the world's z: its axis in the flange is the third row of the rotation.
-        return self._hand_weight * data.xmat[flange][6:9] - data.sensordata[:3]
+        return self._hand_weight * data.site_xmat[wrist][6:9] - data.sensordata[:3]
 
     def _guard(self) -> None:
         """Stop the arm beyond its limits."""
@@ -352,7 +352,7 @@ class Plant:
         if self.stop is not protocol.Stop.NONE:
             return
         q, v = data.qpos[parts.arm_q], data.qvel[parts.arm_v]
-        at = data.xpos[parts.tcp_link] + data.xmat[parts.tcp_link].reshape(3, 3) @ self._tcp_at
+        at = data.site_xpos[parts.tcp]
         if force > FORCE_MARGIN * self.cell.force:
             self.halt(protocol.Stop.FORCE)
         elif bool((np.abs(v) > SPEED_MARGIN * self.speed * self._fastest + 3 * SPEED_ALLOWANCE).any()):

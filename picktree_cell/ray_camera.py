@@ -7,6 +7,7 @@ Pictures are the same on every processor. A colour is shaded by the angle betwee
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from .cell_description import CameraEntry
 from .cell_faults import CellFaults
-from .cell_model import UNSEEN_GROUP, CellModel
+from .cell_model import FLOOR_GROUP, SEEN_GROUPS, CellModel
 
 LIGHT = np.array([0.25, -0.15, 1.0]) / math.hypot(0.25, 0.15, 1.0)
 """Direction towards the light, in the world."""
@@ -27,18 +28,29 @@ MIN_DEPTH_DEVIATION = 2e-4
 COLOUR_ERROR = 4
 """Greatest error of a colour channel, of 255."""
 
+Array = NDArray[np.float64]
 
-class RayCamera:
-    """Camera of a cell."""
 
-    def __init__(
-        self, camera: CameraEntry, cell: CellModel, faults: CellFaults, seed: int, number: int
-    ) -> None:
-        self.entry = camera
-        self._cell, self._faults = cell, faults
-        self._rng = np.random.default_rng([seed, 3, number])
-        width, height = camera.size
-        self.focal = height / 2 / math.tan(camera.fov / 2)
+@dataclass(frozen=True, slots=True)
+class Hits:
+    """What the rays of a picture meet, in the order of its pixels."""
+
+    geoms: NDArray[np.int32]
+    """Number of the geom (n,); -1: none."""
+    lengths: Array
+    """Length of the ray (n,), m; negative: no hit."""
+    normals: Array
+    """Normal of the surface (n, 3), in the world, towards the viewer."""
+
+
+class RayCaster:
+    """Rays of a pinhole camera, one through each pixel."""
+
+    def __init__(self, model: mujoco.MjModel, size: tuple[int, int], fov: float, *, floor: bool) -> None:
+        """`size`: width and height, pixels. `fov`: vertical field of view, rad. `floor`: draw it."""
+        self._model = model
+        width, height = size
+        self.focal = height / 2 / math.tan(fov / 2)
         self.centre = (width / 2 - 0.5, height / 2 - 0.5)
         rows, columns = np.mgrid[:height, :width]
         rays = np.stack(
@@ -51,15 +63,57 @@ class RayCamera:
         ).reshape(-1, 3)
         lengths = np.linalg.norm(rays, axis=1)
         self._rays = rays / lengths[:, None]
-        self._along = 1.0 / lengths
-        """Share of a ray's length along the optical axis."""
-        self._seen = np.ones(6, np.uint8)
-        self._seen[UNSEEN_GROUP] = 0
-        model = cell.model
-        self._colours = model.geom_rgba[:, :3].astype(np.float64)
+        self.along = 1.0 / lengths
+        """Share of a ray's length along the optical axis (n,)."""
+        self._seen = np.zeros(6, np.uint8)
+        self._seen[list(SEEN_GROUPS)] = 1
+        self._seen[FLOOR_GROUP] = floor
+        self.colours = _colours(model)
+        """Colour (geoms, 3) of each geom, 0 … 1."""
+
+    def directions(self, rotation: Array) -> Array:
+        """Return the rays (n, 3) in the world; `rotation` (3, 3): of the optical frame."""
+        return np.ascontiguousarray(self._rays @ rotation.T)
+
+    def cast(self, data: mujoco.MjData, position: Array, directions: Array, cutoff: float) -> Hits:
+        """Return what rays from a point meet within `cutoff` m."""
+        count = len(directions)
+        geoms, lengths, normals = np.empty(count, np.int32), np.empty(count), np.empty(3 * count)
+        mujoco.mj_multiRay(
+            self._model,
+            data,
+            position,
+            directions.ravel(),
+            self._seen,
+            True,
+            -1,
+            geoms,
+            lengths,
+            normals,
+            count,
+            cutoff,
+        )
+        normals = normals.reshape(count, 3)
+        # The triangles of a mesh may be wound either way.
+        behind = np.einsum("ij,ij->i", normals, directions) > 0.0
+        normals[behind] *= -1.0
+        return Hits(geoms, lengths, normals)
+
+
+class RayCamera:
+    """Camera of a cell."""
+
+    def __init__(
+        self, camera: CameraEntry, cell: CellModel, faults: CellFaults, seed: int, number: int
+    ) -> None:
+        self.entry = camera
+        self._faults = faults
+        self._rng = np.random.default_rng([seed, 3, number])
+        self._caster = RayCaster(cell.model, camera.size, camera.fov, floor=False)
+        self.focal, self.centre = self._caster.focal, self._caster.centre
 
     def capture(
-        self, data: mujoco.MjData, tcp: tuple[NDArray[np.float64], NDArray[np.float64]]
+        self, data: mujoco.MjData, tcp: tuple[Array, Array]
     ) -> tuple[NDArray[np.uint8], NDArray[np.float32]] | None:
         """Return colour (h, w, 3) and depth (h, w), m, 0: unknown; None when the picture is lost.
 
@@ -71,9 +125,7 @@ class RayCamera:
         colour, depth = self._seen_by(data, *self._frame(tcp))
         return self._noisy_colour(colour), self._noisy_depth(depth)
 
-    def _frame(
-        self, tcp: tuple[NDArray[np.float64], NDArray[np.float64]]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _frame(self, tcp: tuple[Array, Array]) -> tuple[Array, Array]:
         """Return position and rotation of the optical frame in the world."""
         frame = self.entry.frame
         turn = np.empty(9)
@@ -83,40 +135,23 @@ class RayCamera:
             return tcp[0] + tcp[1] @ position, tcp[1] @ rotation
         return position, rotation
 
-    def _seen_by(
-        self, data: mujoco.MjData, position: NDArray[np.float64], rotation: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _seen_by(self, data: mujoco.MjData, position: Array, rotation: Array) -> tuple[Array, Array]:
+        """Return colour (h, w, 3), 0 … 255, and depth (h, w), m, without noise."""
         width, height = self.entry.size
-        count = width * height
-        rays = self._rays @ rotation.T
-        bodies, reach, normals = np.empty(count, np.int32), np.empty(count), np.empty(3 * count)
-        mujoco.mj_multiRay(
-            self._cell.model,
-            data,
-            position,
-            np.ascontiguousarray(rays).ravel(),
-            self._seen,
-            True,
-            -1,
-            bodies,
-            reach,
-            normals,
-            count,
-            2.0 * self.entry.far,
-        )
-        depth = reach * self._along
-        hit = (bodies >= 0) & (depth < self.entry.far)
-        normals = normals.reshape(count, 3)
-        shade = AMBIENT_SHARE + (1.0 - AMBIENT_SHARE) * np.clip(normals @ LIGHT, 0.0, 1.0)
-        colour = np.where(hit[:, None], self._colours[bodies] * shade[:, None] * 255.0, 0.0)
+        caster = self._caster
+        hits = caster.cast(data, position, caster.directions(rotation), 2.0 * self.entry.far)
+        depth = hits.lengths * caster.along
+        hit = (hits.geoms >= 0) & (depth < self.entry.far)
+        shade = AMBIENT_SHARE + (1.0 - AMBIENT_SHARE) * np.clip(hits.normals @ LIGHT, 0.0, 1.0)
+        colour = np.where(hit[:, None], caster.colours[hits.geoms] * shade[:, None] * 255.0, 0.0)
         depth = np.where(hit & (depth >= self.entry.near), depth, 0.0)
         return colour.reshape(height, width, 3), depth.reshape(height, width)
 
-    def _noisy_colour(self, colour: NDArray[np.float64]) -> NDArray[np.uint8]:
+    def _noisy_colour(self, colour: Array) -> NDArray[np.uint8]:
         errors = self._rng.integers(-COLOUR_ERROR, COLOUR_ERROR + 1, colour.shape)
         return np.clip(colour + errors, 0, 255).astype(np.uint8)
 
-    def _noisy_depth(self, depth: NDArray[np.float64]) -> NDArray[np.float32]:
+    def _noisy_depth(self, depth: Array) -> NDArray[np.float32]:
         """Return a depth with the noise of the camera and the cell's faults."""
         rng, faults, known = self._rng, self._faults, depth > 0.0
         deviation = self.entry.depth_noise / 0.49 * depth**2
@@ -141,7 +176,15 @@ class RayCamera:
         return np.where(known, np.maximum(noisy, 0.0), 0.0).astype(np.float32)
 
 
-def _edges(depth: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _colours(model: mujoco.MjModel) -> Array:
+    """Return the colour (geoms, 3) of each geom, 0 … 1: of its material, if it has one."""
+    colours = model.geom_rgba[:, :3].astype(np.float64)
+    material = model.geom_matid
+    colours[material >= 0] = model.mat_rgba[material[material >= 0], :3]
+    return colours
+
+
+def _edges(depth: Array) -> NDArray[np.bool_]:
     """Return the pixels (h, w) beside a step of depth."""
     edge = np.zeros(depth.shape, bool)
     rows = np.abs(np.diff(depth, axis=0)) > EDGE_STEP

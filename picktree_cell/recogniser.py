@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from picktree.drivers import protocol
 
 from .cell_description import CellError, ItemEntry
-from .cell_model import UNSEEN_GROUP
+from .cell_model import SEEN_GROUPS
 from .plant import Plant
 
 TURN_PER_METRE: Final = 10.0
@@ -29,8 +29,6 @@ LEAST_PIXELS: Final = 12
 """Least number of visible pixels of an item that is found."""
 CONFIDENCE: Final = 0.9
 """Confidence in each label, the wrong ones included."""
-GIVES: Final = ("pose", "mask", "box")
-"""What findings have: mask and pose, a mask alone, or a box alone."""
 
 Array = NDArray[np.float64]
 
@@ -167,8 +165,8 @@ class CellRecogniser:
         ).reshape(-1, 3)
         rays /= np.linalg.norm(rays, axis=1)[:, None]
         count = len(rays)
-        seen = np.ones(6, np.uint8)
-        seen[UNSEEN_GROUP] = 0
+        seen = np.zeros(6, np.uint8)
+        seen[list(SEEN_GROUPS)] = 1
         geoms, reach, normals = np.empty(count, np.int32), np.empty(count), np.empty(3 * count)
         mujoco.mj_multiRay(
             self._plant.parts.model,

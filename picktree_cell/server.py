@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing import shared_memory
 from threading import Lock
@@ -26,16 +27,23 @@ class CellServer:
     """Robot of a cell, as clients meet it."""
 
     def __init__(
-        self, plant: Plant, seed: int, token: str = "", mode: protocol.Capability | None = None
+        self,
+        plant: Plant,
+        seed: int,
+        token: str = "",
+        mode: protocol.Capability | None = None,
+        advanced: Callable[[], object] = lambda: None,
+        camera: type[RayCamera] = RayCamera,
     ) -> None:
-        """`token`: what a client must know; empty: nothing. `mode`: the only mode of commands; None: all."""
+        """`token`: what a client must know; empty: nothing. `mode`: the only mode of commands; None: all.
+        `advanced`: called after time has passed. `camera`: the kind of all cameras."""
         self.plant = plant
+        self._advanced = advanced
         self._token = token
         modes = protocol.Capability.POSITION | protocol.Capability.TORQUE if mode is None else mode
         self.capabilities = modes | protocol.Capability.LOCKSTEP | protocol.Capability.WRENCH
         self._cameras = [
-            RayCamera(camera, plant.parts, plant.faults, seed, n)
-            for n, camera in enumerate(plant.cell.cameras)
+            camera(entry, plant.parts, plant.faults, seed, n) for n, entry in enumerate(plant.cell.cameras)
         ]
         self._segments: list[shared_memory.SharedMemory] = []
         self._sequence = 0
@@ -77,6 +85,7 @@ class CellServer:
                 self._check(message)
                 plant.take(message)
                 plant.advance(message.advance)
+                self._advanced()
             case protocol.StopRequest(reason):
                 plant.halt(reason if reason is not protocol.Stop.NONE else protocol.Stop.REQUESTED)
             case protocol.Clear():

@@ -32,7 +32,13 @@ from .joint_controllers import BrakeController, TrajectoryController
 from .wrist_wrench import WristWrench
 
 VIRTUAL_MASS = np.repeat([6.0, 0.12], 3)
-"""Mass, kg, and inertia, kg·m², of the virtual body at the tool."""
+"""Least mass, kg, and inertia, kg·m², of the virtual body at the tool."""
+MIN_INERTIA_RATIO = 2.0
+"""Least ratio of the virtual mass and inertia to those of the hand.
+
+The wrist feels the inertia of the hand, too, one period late. A virtual body that is lighter than the hand
+answers each of its own accelerations with a greater one.
+"""
 VIRTUAL_DAMPING = np.repeat([250.0, 4.0], 3)
 """Damping against the resting world, Ns/m and Nms/rad: a stiff contact does not bounce.
 
@@ -64,6 +70,9 @@ class VirtualBody:
         """`latency`: latency of the hardware, s."""
         self._model = model
         self._period = period
+        hand = np.repeat([model.hand_mass, model.hand_inertia], 3)
+        self.mass: Array = np.maximum(VIRTUAL_MASS, MIN_INERTIA_RATIO * hand)
+        """Mass, kg, and inertia, kg·m², of the body, three times each."""
         self._own_damping = np.diag(VIRTUAL_DAMPING * ((REACTION_TIME + latency) / REACTION_TIME))
         self._step: Array = model.acceleration_limit * period
         self.twist = np.zeros(6)
@@ -80,16 +89,16 @@ class VirtualBody:
 
         `spring` (6, 6), `error` (6,) to the anchor, `aim` (6,): velocity of the anchor, `push` (6,): wrench.
         """
-        root = np.sqrt(VIRTUAL_MASS)
+        root = np.sqrt(self.mass)
         damping = (
             2.0 * SPRING_DAMPING_RATIO * root[:, None] * _square_root(spring / np.outer(root, root)) * root
         )
         damping += self._own_damping
         # Implicit in the damping, which is stable for any period.
-        inertia = np.diag(VIRTUAL_MASS)
+        inertia = np.diag(self.mass)
         driven = spring @ error + damping @ aim + push
         self.twist = np.linalg.solve(
-            inertia + self._period * damping, VIRTUAL_MASS * self.twist + self._period * driven
+            inertia + self._period * damping, self.mass * self.twist + self._period * driven
         )
 
     def follow(self, jacobian: Array, posture: Array) -> Array:
@@ -141,7 +150,7 @@ class CartesianAdmittance(CartesianImpedance):
         if self._age >= 0.05 - 1e-9:
             self._refresh(self._q, jacobian, rotation)
         push = np.concatenate([felt.force, felt.torque]) + course.wrench
-        push[:3] += VIRTUAL_MASS[:3] * course.acceleration
+        push[:3] += self._body.mass[:3] * course.acceleration
         self._body.move(self._spring, self._error, self._aim, push)
         speed = self._body.follow(jacobian, POSTURE_RATE * (self._posture - self._q))
         low, high = model.lower + LIMIT_DISTANCE, model.upper - LIMIT_DISTANCE

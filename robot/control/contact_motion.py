@@ -26,11 +26,11 @@ from .soft_limits import distance_to_workspace_edge
 from .trajectory_motion import ZERO_TIME, TrajectoryMotion
 from .wrist_wrench import TcpWrench
 
-MAX_RIGID_TOUCH_SPEED = 0.02
+MAX_RIGID_TOUCH_SPEED = 0.015
 """Greatest speed at which an arm that takes positions meets a contact, m/s.
 
-Its servo is rigid until the wrist sensor has felt the contact: 10 kg on 10⁵ N/m give 1 N for each mm/s.
-A latency adds to that.
+Its servo is rigid until the wrist sensor has felt the contact: 10 kg on 10⁵ N/m give 1 N for each mm/s,
+and both fingers may meet a table at once. A latency adds to that.
 """
 MAX_STANDSTILL_WAIT = 1.5
 """Longest wait for the arm to come to rest after a compliant motion, s."""

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import socket
+import subprocess
+import sys
 import threading
 from contextlib import suppress
 from dataclasses import replace
@@ -16,14 +19,19 @@ from picktree.drivers import protocol as p
 
 pytest.importorskip("mujoco")
 
+import mujoco
+
 from picktree_cell.cell_description import Cell, CellError, parse_cell, read_cell
 from picktree_cell.cell_faults import CellFaults, read_faults
 from picktree_cell.cell_score import score
+from picktree_cell.film import Film
 from picktree_cell.plant import Plant
+from picktree_cell.robot_model import TCP, WRIST, MakersModel, robot_spec
 from picktree_cell.server import CellServer
 
 from .served_cell import write_cell
 
+ROOT = Path(__file__).parents[2]
 EXACT = CellFaults(wrench_noise=0.0, inertia_error=0.0, hand_mass_error=0.0)
 
 
@@ -51,9 +59,9 @@ def move(plant: Plant, speed: float, periods: int = 40) -> np.ndarray:
 
 def test_the_wrist_reads_the_weight_of_the_hand_in_its_own_axes(cell: Cell) -> None:
     plant = Plant(cell, EXACT, 0)
-    flange = plant.data.xmat[plant.parts.flange].reshape(3, 3)
+    flange = plant.data.site_xmat[plant.parts.wrist].reshape(3, 3)
     in_world = flange @ plant.reading().wrench[:3]
-    weight = 9.81 * plant.parts.model.body_subtreemass[plant.parts.flange]
+    weight = 9.81 * plant.parts.model.body_subtreemass[plant.parts.hand]
     assert np.allclose(in_world, [0.0, 0.0, -weight], atol=0.02)
     assert np.abs(flange[2, 2]) > 0.9  # the hand points down, so that a wrong sign would show
 
@@ -259,3 +267,68 @@ def test_what_is_no_fault_is_said(tmp_path: Path) -> None:
     with pytest.raises(CellError) as raised:
         read_faults(file)
     assert str(raised.value) == f"{file}: gripper_latency is -1; it is a number of at least 0"
+
+
+def makers_file(cell: Cell, folder: Path) -> Path:
+    """Write the cell's robot as an MJCF file with names and motors of its own."""
+    spec = robot_spec(cell.robot, None).spec
+    spec.delete(next(site for site in spec.sites if site.name == WRIST))
+    spec.delete(next(site for site in spec.sites if site.name == TCP))
+    spec.add_actuator(name="own", target=cell.robot.joints[0].name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    spec.compile()
+    for name, data in cell.robot.meshes.items():
+        (folder / name).write_bytes(data)
+    file = folder / "robot.xml"
+    file.write_text(spec.to_xml().replace("panda_", "fr3_"))
+    return file
+
+
+def test_the_robot_is_that_of_its_makers_model(cell: Cell, tmp_path: Path) -> None:
+    """Wrist and TCP stay where the cell file has them; another arm is refused."""
+    file = makers_file(cell, tmp_path)
+    by_model = Plant(cell, EXACT, 0, MakersModel(file, (("panda_", "fr3_"),)))
+    by_urdf = Plant(cell, EXACT, 0)
+    for one, other in zip(by_model.tcp(), by_urdf.tcp(), strict=True):
+        assert np.allclose(one, other, atol=2e-4)
+    assert np.allclose(by_model.reading().wrench, by_urdf.reading().wrench, atol=0.01)
+    move(by_model, 0.3)
+    assert by_model.stop is p.Stop.NONE
+    assert by_model.parts.model.nu == 9  # the motors of the model are gone
+    with pytest.raises(CellError, match=r"robot\.xml has no joint 'panda_joint1'; it has fr3_joint1"):
+        Plant(cell, EXACT, 0, MakersModel(file))
+    file.write_text(file.read_text().replace('pos="0 -0.316 0"', 'pos="0 -0.3 0"'))
+    with pytest.raises(CellError) as raised:
+        Plant(cell, EXACT, 0, MakersModel(file, (("panda_", "fr3_"),)))
+    assert str(raised.value).startswith(f"{file}: its flange is ")
+    assert str(raised.value).endswith("of panda: this is the model of another arm, or of another base")
+
+
+def test_a_film_shows_the_cell_from_outside(cell: Cell, tmp_path: Path) -> None:
+    """One picture in a tenth of a second of the robot's time, with all items and the robot's shadow."""
+    av = pytest.importorskip("av")
+    plant = Plant(cell, EXACT, 0)
+    film = Film(tmp_path / "film.gif", plant)
+    for _ in range(25):
+        film.follow()
+        plant.advance(0.01)
+    film.close()
+    with av.open(str(tmp_path / "film.gif")) as made:
+        pictures = [frame.to_ndarray(format="rgb24").astype(int) for frame in made.decode(video=0)]
+    assert len(pictures) == 3
+    for number in range(3):  # red, green and blue are those of items
+        others = np.delete(pictures[0], number, axis=2).max(axis=2)
+        assert (pictures[0][:, :, number] > 2 * others + 40).sum() > 20
+    with pytest.raises(CellError, match=r"film\.avi: a film is a file that ends in \.mp4 or \.gif"):
+        Film(tmp_path / "film.avi", plant)
+    with pytest.raises(CellError, match=r"film\.gif: the film cannot be written: No such file or directory"):
+        Film(tmp_path / "none" / "film.gif", plant)
+
+
+def test_a_graphics_library_that_is_not_there_is_named(cell: Cell, tmp_path: Path) -> None:
+    environment = {**os.environ, "MUJOCO_GL": "nothing"}
+    command = [sys.executable, "-m", "picktree_cell", str(write_cell(tmp_path)), "--camera", "gl"]
+    done = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2
+    assert done.stderr.startswith(
+        "--camera gl: the graphics library 'nothing' of MUJOCO_GL does not work here (invalid value for "
+    )

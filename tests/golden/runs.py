@@ -4,9 +4,9 @@
     python tests/golden/runs.py insert walls    # these
     python tests/golden/runs.py --write         # record all digests again: `make golden`
 
-Together they go through physics and kinematics, three arms, contact, feeds, faults, noise, a resumed run and
-planning around obstacles. All of it happens in this process, so that an emulator of another processor sees
-it.
+Together they go through physics and kinematics, three arms, contact, feeds, faults, noise, a resumed run,
+planning around obstacles and a robot in MuJoCo. All of it happens in this process, so that an emulator of
+another processor sees it.
 """
 
 from __future__ import annotations
@@ -17,11 +17,13 @@ import platform
 import sys
 import time
 import zlib
-from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Generator, Iterable, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from threading import Thread
 
 from picktree.files import restart
 from picktree.logs import Topic, topics
@@ -49,8 +51,10 @@ class Golden:
     backend: Backend = "physics"
     interrupted: float | None = None
     """Simulated s after which the run ends, to be resumed from its last checkpoint. None: it is one run."""
+    in_cell: bool = False
+    """Whether the robot is one of `picktree_cell`, in lockstep."""
 
-    def request(self, out: Path) -> RunRequest:
+    def request(self, out: Path, robot_at: str = "") -> RunRequest:
         return RunRequest(
             HERE / f"{self.mission}.yaml",
             scene=str(HERE / f"{self.scene}.yaml") if self.scene else None,
@@ -59,6 +63,7 @@ class Golden:
             out=out,
             backend=self.backend,
             limit=self.interrupted or DEFAULT_TIME_LIMIT,
+            robot_at=robot_at,
         )
 
 
@@ -84,6 +89,7 @@ GOLDEN: Mapping[str, Golden] = {
     "noise": Golden("one_item", ("image: image from wrist", "servo", "item_done"), scene="noisy"),
     "walls": Golden("one_item", ("plan: RRTConnect", "item_done"), scene="walls", backend="kinematic"),
     "concave": Golden("one_item", ("pick: red_ring_1: held", "item_done: red_ring_1"), scene="concave"),
+    "cell": Golden("one_item", _PICK, scene="two_items", in_cell=True),
     "pillar": Golden("watch", ("belief: obstacle_1", "item_done"), backend="kinematic"),
 }  # fmt: skip
 
@@ -145,8 +151,8 @@ def compute(name: str) -> Computed:
     golden = GOLDEN[name]
     began = time.process_time()
     entries = Entries()
-    with TemporaryDirectory(prefix="golden-") as folder:
-        result = Session(golden.request(Path(folder)), observers=[entries]).run()
+    with TemporaryDirectory(prefix="golden-") as folder, _robot(golden, Path(folder)) as address:
+        result = Session(golden.request(Path(folder), address), observers=[entries]).run()
         if golden.interrupted is not None:
             entries = Entries()
             request = ResumeRequest(result.folder, out=Path(folder), limit=DEFAULT_TIME_LIMIT)
@@ -158,9 +164,49 @@ def compute(name: str) -> Computed:
     return Computed(name, result.digest, round(time.process_time() - began, 2))
 
 
+@contextmanager
+def _robot(golden: Golden, folder: Path) -> Generator[str]:
+    """Serve the run's cell by a thread of this process; yield its address, which is empty without a cell."""
+    if not golden.in_cell:
+        yield ""
+        return
+    from picktree.drivers import protocol
+    from picktree.simulation import cell_file
+    from picktree.world.robot_model import load_robot
+    from picktree.world.scene import load_scene
+    from picktree_cell.cell_description import parse_cell
+    from picktree_cell.cell_faults import CellFaults
+    from picktree_cell.plant import Plant
+    from picktree_cell.server import CellServer
+
+    scene = load_scene(f"{golden.scene}.yaml", HERE)
+    cell = parse_cell(cell_file(scene, load_robot(scene.robot, HERE), 0))
+    server = CellServer(Plant(cell, CellFaults(), 0), 0)
+    address = protocol.Address.parse(str(folder / "cell.sock"))
+
+    class Channel(protocol.Channel):
+        """Channel without shared memory: the tracker of one process would forget a segment twice."""
+
+        def receive(self) -> protocol.Message:
+            message = super().receive()
+            hello = isinstance(message, protocol.Hello)
+            return replace(message, wishes=protocol.Wish(0)) if hello else message
+
+    def answer() -> None:
+        connection, _ = listener.accept()
+        with connection:
+            server.serve(Channel(connection))
+
+    with address.listen() as listener:
+        thread = Thread(target=answer, daemon=True)
+        thread.start()
+        yield str(address)
+        thread.join()
+
+
 def libraries() -> dict[str, str]:
     """Return the versions of all libraries whose results are part of a digest."""
-    packages = ("libpinocchio", "libcoal", "python-fcl", "trimesh", "toppra", "coacd")
+    packages = ("libpinocchio", "libcoal", "python-fcl", "trimesh", "toppra", "coacd", "mujoco")
     return {
         **arithmetic().versions,
         "Python": ".".join(platform.python_version_tuple()[:2]),

@@ -6,6 +6,7 @@ import subprocess
 from pathlib import Path
 
 from picktree.apps.studio.server import PAGE_FOLDER
+from picktree.logs.run_index import STATUSES
 
 from ..needs import needs, packages
 
@@ -29,6 +30,11 @@ def test_bundle_is_as_new_as_its_sources(tmp_path: Path) -> None:
 def test_types_of_the_page_are_sound() -> None:
     done = subprocess.run(["npm", "run", "--silent", "test"], cwd=HERE, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout
+
+
+def test_each_status_of_a_run_has_a_sign() -> None:
+    signs = (PAGE_FOLDER / "src" / "ui" / "Status.tsx").read_text(encoding="utf-8")
+    assert {status for status in STATUSES if f"  {status}: [" not in signs} == set()
 
 
 def test_nothing_of_the_page_makes_markup_of_text() -> None:

@@ -83,6 +83,21 @@ class RobotModel:
         )
         self._flange = joint_frame(self.arm, description.flange_joint)
         self.hand_mass, self.hand_com = _beyond_flange(self.full, description.flange_joint)
+        self.hand_inertia = self._hand_inertia()
+        """Greatest moment of inertia beyond the flange about the TCP, kg·m², with closed fingers."""
+
+    def _hand_inertia(self) -> float:
+        data, moments = self.full.createData(), np.zeros((3, 3))
+        pin.framesForwardKinematics(self.full, data, self._neutral)
+        tcp = data.oMf[self.full.getFrameId(TCP_FRAME, pin.OP_FRAME)].translation
+        for index, inertia, moves in beyond_flange(self.full, self.description.flange_joint):
+            at = data.oMi[self.full.frames[index].parentJoint] if moves else data.oMf[index]
+            lever = at.rotation @ inertia.lever + at.translation - tcp
+            own: Array = at.rotation @ inertia.inertia @ at.rotation.T
+            moments = (
+                moments + own + inertia.mass * (float(lever @ lever) * np.eye(3) - np.outer(lever, lever))
+            )
+        return float(np.linalg.eigvalsh(moments)[-1])
 
     @property
     def finger_links(self) -> tuple[str, ...]:

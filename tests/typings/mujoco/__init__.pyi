@@ -62,15 +62,21 @@ class MjsGeom:
 
 class MjsJoint:
     name: str
+    parent: MjsBody
     armature: float
     damping: _Array
     frictionloss: float
     limited: int
 
+class MjsSite:
+    name: str
+
 class MjsBody:
     name: str
-    pos: _Numbers
-    quat: _Numbers
+    parent: MjsBody
+    bodies: Iterable[MjsBody]
+    pos: _Array | Sequence[float]
+    quat: _Array | Sequence[float]
     mass: float
     inertia: _Array
     fullinertia: _Array
@@ -89,17 +95,28 @@ class MjsBody:
         group: int = ...,
         meshname: str = ...,
     ) -> MjsGeom: ...
-    def add_site(self, *, name: str) -> object: ...
+    def add_site(self, *, name: str, pos: _Numbers = ..., quat: _Numbers = ...) -> object: ...
 
 class MjSpec:
     option: MjOption
     worldbody: MjsBody
     bodies: Iterable[MjsBody]
     joints: Iterable[MjsJoint]
+    sites: Iterable[MjsSite]
+    actuators: Iterable[object]
+    equalities: Sequence[object]
+    keys: Iterable[object]
+    sensors: Iterable[object]
+    @staticmethod
+    def from_file(path: str) -> MjSpec: ...
     @staticmethod
     def from_string(text: str, *, assets: Mapping[str, bytes]) -> MjSpec: ...
     def body(self, name: str) -> MjsBody: ...
-    def add_actuator(self, *, name: str, target: str, trntype: int) -> object: ...
+    def joint(self, name: str) -> MjsJoint: ...
+    def copy(self) -> MjSpec: ...
+    def to_xml(self) -> str: ...
+    def delete(self, element: object) -> None: ...
+    def add_actuator(self, *, name: str, target: str, trntype: int = ...) -> object: ...
     def add_exclude(self, *, bodyname1: str, bodyname2: str) -> object: ...
     def add_sensor(self, *, name: str, type: int, objtype: int, objname: str) -> object: ...
     def add_equality(
@@ -114,9 +131,69 @@ class _Named:
     qposadr: _Indices
     dofadr: _Indices
 
+class _Placed:
+    xpos: _Array
+    xmat: _Array
+
+class _Global:
+    offwidth: int
+    offheight: int
+
+class _Map:
+    znear: float
+    zfar: float
+
+class _Headlight:
+    ambient: NDArray[np.float32]
+    diffuse: NDArray[np.float32]
+    specular: NDArray[np.float32]
+
+class _Visual:
+    global_: _Global
+    map: _Map
+    headlight: _Headlight
+
+class _Statistic:
+    extent: float
+
+class MjvGLCamera:
+    pos: NDArray[np.float32]
+    forward: NDArray[np.float32]
+    up: NDArray[np.float32]
+    frustum_center: float
+    frustum_width: float
+    frustum_bottom: float
+    frustum_top: float
+    frustum_near: float
+    frustum_far: float
+
+class MjvScene:
+    camera: Sequence[MjvGLCamera]
+
+class MjvCamera:
+    def __init__(self) -> None: ...
+
+class Renderer:
+    scene: MjvScene
+    def __init__(self, model: MjModel, height: int, width: int) -> None: ...
+    def update_scene(self, data: MjData, camera: MjvCamera) -> None: ...
+    def render(self) -> NDArray[np.uint8] | NDArray[np.float32]: ...
+    def enable_depth_rendering(self) -> None: ...
+    def disable_depth_rendering(self) -> None: ...
+
+class FatalError(RuntimeError): ...
+
 class MjModel:
+    vis: _Visual
+    stat: _Statistic
     nv: int
+    nu: int
+    ngeom: int
+    geom_bodyid: _Indices
+    geom_matid: _Indices
     geom_rgba: NDArray[np.float32]
+    mat_rgba: NDArray[np.float32]
+    jnt_bodyid: _Indices
     geom_type: _Indices
     geom_size: _Array
     geom_dataid: _Indices
@@ -128,6 +205,7 @@ class MjModel:
     mesh_vert: NDArray[np.float32]
     def joint(self, name: str) -> _Named: ...
     def body(self, name: str) -> _Named: ...
+    def site(self, name: str) -> _Named: ...
 
 class MjData:
     qpos: _Array
@@ -139,12 +217,20 @@ class MjData:
     xmat: _Array
     geom_xpos: _Array
     geom_xmat: _Array
+    site_xpos: _Array
+    site_xmat: _Array
     def __init__(self, model: MjModel) -> None: ...
+    def body(self, name: str) -> _Placed: ...
+    def site(self, name: str) -> _Placed: ...
 
+def mj_kinematics(m: MjModel, d: MjData) -> None: ...
 def mj_forward(m: MjModel, d: MjData) -> None: ...
 def mj_step(m: MjModel, d: MjData) -> None: ...
 def mj_fullM(m: MjModel, d: MjData, dst: _Array) -> None: ...
 def mj_jacSubtreeCom(m: MjModel, d: MjData, jacp: _Array, body: int) -> None: ...
+def mju_mulQuat(res: _Array, quat1: _Array, quat2: _Numbers) -> None: ...
+def mju_rotVecQuat(res: _Array, vec: _Numbers, quat: _Array) -> None: ...
+def mju_mat2Quat(quat: _Array, mat: _Array) -> None: ...
 def mju_quat2Mat(res: _Array, quat: _Array) -> None: ...
 def mj_multiRay(
     m: MjModel,

@@ -32,6 +32,7 @@ class Motion:
 
 class Inertia:
     mass: float
+    inertia: _F
     lever: _F
     @staticmethod
     def Zero() -> Inertia: ...

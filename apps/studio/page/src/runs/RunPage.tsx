@@ -43,6 +43,8 @@ export function RunPage({ place }: { place: Place }) {
   return <Opened key={again} run={opened.value} place={place} refresh={() => setAgain(again + 1)} />;
 }
 
+const NOT_ON_A_ROBOT = "A run on a robot has no simulation that could be repeated";
+
 function Opened({ run, place, refresh }: { run: OpenedRun; place: Place; refresh(): void }) {
   const explained = useCall<Explanation>("runs.explain", { id: run.id });
   const [moment, setMoment] = useState<Moment>({ time: Number(place.query.get("t") ?? 0) || 0, failure: null });
@@ -72,6 +74,7 @@ function Opened({ run, place, refresh }: { run: OpenedRun; place: Place; refresh
     const link = `${location.origin}/${href("run", run.id, { t: Number(moment.time.toFixed(3)) })}`;
     navigator.clipboard.writeText(link).then(() => toast("Link copied", "success"), () => toast(link));
   };
+  const onRobot = run.backend === "robot";
   const live = run.status === "running" && ROUTES.some((route) => route.name === "live");
   return (
     <div className="run-page">
@@ -83,8 +86,8 @@ function Opened({ run, place, refresh }: { run: OpenedRun; place: Place; refresh
         <div className="buttons" role="toolbar" aria-label="From this moment">
           {live && <a className="button" href={href("live", run.id)}>Watch it live</a>}
           {run.status === "running" && <Button onClick={refresh}>Show the new part of the log</Button>}
-          <Button primary onClick={() => setOpen("whatif")} disabled={run.mission_text === undefined} title="Resume from the checkpoint before this moment, with a change">What if …</Button>
-          <Button onClick={() => start("runs.resim")} title="Repeat the run from its log, and compare">Run again</Button>
+          <Button primary onClick={() => setOpen("whatif")} disabled={onRobot || run.mission_text === undefined} title={onRobot ? NOT_ON_A_ROBOT : "Resume from the checkpoint before this moment, with a change"}>What if …</Button>
+          <Button onClick={() => start("runs.resim")} disabled={onRobot} title={onRobot ? NOT_ON_A_ROBOT : "Repeat the run from its log, and compare"}>Run again</Button>
           <Button onClick={() => setOpen("compare")}>Compare …</Button>
           <Button onClick={() => start("runs.write_report")} title="The report as one file, in reports/">Write the page</Button>
           <Button onClick={() => start("runs.write_film")} title="Writes into films/">Make the film</Button>

@@ -7,10 +7,12 @@ const SIGNS: Record<string, [sign: string, kind: string]> = {
   timeout: ["◔", "failure"],
   paused: ["‖", "open"],
   interrupted: ["■", "open"],
+  stopped: ["⊘", "open"],
   running: ["▶", "running"],
   killed: ["†", "open"],
   crashed: ["†", "failure"],
   waiting: ["…", "open"],
+  unknown: ["?", "open"],
   unreadable: ["?", "open"],
 };
 
