@@ -188,7 +188,7 @@ def tally_of(run: RunRecord, time: float) -> RunCounters:
             tally.follow(coming.pop(0).record.nodes)
         now = events.get(at.time, ())
         leaves = frozenset(node.path for node in run.tree_at(at.time).nodes if not node.children)
-        tally.take(at.time, now, leaves, at.record.edges)
+        tally.take(at.time, now, leaves, at.record.edges, run.motions.get(at.time))
     return tally
 
 

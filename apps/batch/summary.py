@@ -12,37 +12,14 @@ from dataclasses import asdict, astuple, dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+from picktree.logs import FigureCounts, OperatorFigures, Rate, episode_counts, rate
 
-from picktree.logs import episode_counts
-
-from .rates import Rate, rate
 from .store import Store
 from .tables import CELL_SIZE, Phase, cell_of
 
 PHASES: tuple[Phase, ...] = ("observe", "think", "move", "grasp", "place", "recover", "other")
 _MAX_NAMED_PLACES = 5
 """Number of places in the text, the worst first."""
-
-
-@dataclass(frozen=True, slots=True)
-class Spread:
-    """Median and quartiles."""
-
-    median: float
-    low: float
-    high: float
-
-    @classmethod
-    def of(cls, values: list[float]) -> Spread | None:
-        """Return the spread of the values; None without values."""
-        if not values:
-            return None
-        low, median, high = np.percentile(values, (25, 50, 75)).tolist()
-        return cls(median, low, high)
-
-    def __str__(self) -> str:
-        return f"{self.median:.0f} ({self.low:.0f} … {self.high:.0f})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +34,8 @@ class RecipeSummary:
     first_try: Rate
     """Share of grasped objects that were held at the first attempt."""
     crashed: int
-    picks_an_hour: Spread | None
-    """Picks per simulated hour, over jobs."""
+    figures: OperatorFigures
+    """Operators' figures over the jobs that have a result."""
     phases: Mapping[Phase, float]
     """Simulated time for each held object, s."""
 
@@ -195,7 +172,8 @@ def _lines(found: BatchSummary) -> Iterator[str]:
         yield f"  items sorted  {recipe.items}"
         if recipe.first_try.total:
             yield f"  first grasps  {recipe.first_try} held"
-        yield f"  picks an hour {recipe.picks_an_hour or 'none'} simulated; median and quartiles over jobs"
+        for title, text in recipe.figures.lines() if recipe.figures.runs else ():
+            yield f"  {title:<13} {text}"
         split = [f"{phase} {recipe.phases[phase]:.2f}" for phase in PHASES if phase in recipe.phases]
         if split:
             yield f"  s a pick      {', '.join(split)}"
@@ -296,7 +274,7 @@ def _recipe_json(recipe: RecipeSummary) -> dict[str, Any]:
         "label": recipe.label,
         **{name: _rate_json(getattr(recipe, name)) for name in ("success", "items", "first_try")},
         "crashed": recipe.crashed,
-        "picks_an_hour": None if recipe.picks_an_hour is None else asdict(recipe.picks_an_hour),
+        "figures": recipe.figures.to_json(),
         "seconds_a_pick": dict(recipe.phases),
     }
 
@@ -361,9 +339,10 @@ def _recipes(store: Store) -> tuple[RecipeSummary, ...]:
         "coalesce(sum(items_sorted), 0), coalesce(sum(items_total), 0) "
         "FROM jobs WHERE status <> 'waiting' GROUP BY variant ORDER BY min(number)",
     )
-    rates: defaultdict[str, list[float]] = defaultdict(list)
-    for variant, value in _rows(store, "SELECT variant, rate FROM picks_an_hour"):
-        rates[variant].append(value)
+    counts_by_job, figures = store.figures(), defaultdict[str, list[FigureCounts]](list)
+    for job in store.jobs():
+        if job.id in counts_by_job:
+            figures[job.variant.label].append(counts_by_job[job.id])
     first = {
         variant: rate(held, objects)
         for variant, objects, held in _rows(store, "SELECT variant, objects, held_at_first FROM first_try")
@@ -379,7 +358,7 @@ def _recipes(store: Store) -> tuple[RecipeSummary, ...]:
             rate(items_sorted, items_total),
             first.get(label, rate(0, 0)),
             crashed,
-            Spread.of(rates[label]),
+            OperatorFigures(tuple(figures[label])),
             spent[label],
         )
         for label, jobs, successes, crashed, items_sorted, items_total in counts

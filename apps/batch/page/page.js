@@ -26,16 +26,29 @@ let chosen = data;
 
 const share = (rate) => (rate.total ? `${percent(rate.successes / rate.total)} (${interval(rate)})` : "none");
 
+// A mean time between events, as the texts have it.
+function between(found) {
+  if (found.value !== null) return `${duration(found.value)} (${duration(found.low)} … ${duration(found.high)})`;
+  return found.low ? `at least ${duration(found.low)}` : "none";
+}
+
+function duration(seconds) {
+  if (seconds < 120) return `${fixed(seconds, 1)} s`;
+  return seconds < 7200 ? `${fixed(seconds / 60, 1)} min` : `${fixed(seconds / 3600, 1)} h`;
+}
+
 function recipesTable() {
-  const head = ["recipe", "jobs", "goal reached", "items sorted", "first grasp held", "picks an hour", "crashed"];
+  const head = ["recipe", "jobs", "goal reached", "items sorted", "first grasp held", "units an hour", "MTBF", "first pass", "crashed"];
   const rows = data.recipes.map((recipe) => {
-    const spread = recipe.picks_an_hour;
+    const { units_an_hour: hourly, mtbf, first_pass_yield: first } = recipe.figures;
     const cells = [
       recipe.success.total,
       share(recipe.success),
       share(recipe.items),
       share(recipe.first_try),
-      spread ? `${fixed(spread.median, 0)} (${fixed(spread.low, 0)} … ${fixed(spread.high, 0)})` : "none",
+      hourly.value === null ? "none" : `${fixed(hourly.value, 0)} (${fixed(hourly.low, 0)} … ${fixed(hourly.high, 0)})`,
+      between(mtbf),
+      share(first),
       recipe.crashed,
     ];
     return element("tr", {}, element("td", {}, recipe.label),
@@ -121,7 +134,7 @@ function rates(width) {
     width,
     height: Math.max(150, 92 * labels.length + 50),
     marginLeft: 44,
-    x: { label: "picks in a simulated hour →", grid: true, nice: true },
+    x: { label: "units in a simulated hour →", grid: true, nice: true },
     y: { label: "jobs", grid: true },
     fy: { label: null, domain: labels, axis: null },
     marks: [
