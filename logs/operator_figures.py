@@ -483,8 +483,8 @@ class OperatorFigures:
         done = self.time_to_done
         if (half := done.within(0.5)) is not None:
             most = done.within(0.9)
-            late = f"{most:.1f} s" if most is not None else "no time"
-            yield "to done", f"half of the units within {half:.1f} s, 90 % within {late}"
+            late = f"90 % within {most:.1f} s" if most is not None else "90 % are never done"
+            yield "to done", f"half of the units within {half:.1f} s, {late}"
         if self.utilisation:
             parts = (f"{ACTIVITY_TEXTS[use]} {_share_text(each)}" for use, each in self.utilisation.items())
             yield "time", ", ".join(parts)

@@ -46,6 +46,7 @@ from .rates import (
     paired,
 )
 from .rerun import remake_into
+from .sequential_tests import SequentialResult, compare_sequentially
 from .store import RESULTS_FILE, Store, choose_label, split
 
 
@@ -349,6 +350,8 @@ class RecipeComparison:
     """Operators' figures of A and of B, over the compared jobs."""
     to_done: CurveDifference | None
     """Difference of the curves of time to done; None without units on both sides."""
+    sequence: SequentialResult | None
+    """Paired result that holds whenever the batch was stopped; None for independent jobs."""
     arithmetic: str = ""
     """Sentence when jobs were computed with different arithmetic, or it was not recorded; else empty."""
 
@@ -394,6 +397,7 @@ def compare_recipes(a: RecipeOutcomes, b: RecipeOutcomes, *, unpaired: bool = Fa
         len(set(a.outcomes) ^ set(b.outcomes)),
         (figures_a := _figures(of_a), figures_b := _figures(of_b)),
         curve_difference(figures_a.time_to_done, figures_b.time_to_done),
+        compare_sequentially([(x.success, y.success) for x, y in pairs]) if by_seed else None,
         _arithmetic_difference(a, b),
     )
 
@@ -613,7 +617,8 @@ def _lines(found: RecipeComparison, program: str) -> Iterator[str]:
     if table is not None:
         counts = f"both {table.both}, only A {table.only_a}, only B {table.only_b}, neither {table.neither}"
         yield f"goal by seed: {counts}"
-    yield from _figure_lines(found)
+    if found.sequence is not None:
+        yield f"anytime-valid: {found.sequence.to_text()}"
     yield ""
     better = [f"{c.better} {c.words}" for c in found.criteria if c.better]
     yield "so: " + ("; ".join(better) or _undecided(found))
@@ -624,6 +629,7 @@ def _lines(found: RecipeComparison, program: str) -> Iterator[str]:
             yield _difference_row(change.cause, change.difference, change.adjusted)
         if len(found.causes) > _MAX_NAMED_CAUSES:
             yield f"and {len(found.causes) - _MAX_NAMED_CAUSES} causes more"
+    yield from _figure_lines(found)
     if found.changed:
         yield ""
         yield f"{len(found.changed)} seeds changed sides"
@@ -724,6 +730,9 @@ def _json(found: RecipeComparison) -> dict[str, Any]:
         "causes": {c.cause: {**_difference_json(c.difference), "holm": c.adjusted} for c in found.causes},
         "changed": [asdict(c) for c in found.changed],
         "figures": {"a": found.figures[0].to_json(), "b": found.figures[1].to_json()},
+        "sequence": None
+        if found.sequence is None
+        else {**asdict(found.sequence), "p": found.sequence.p_value},
         "to_done": _curves_json(found.to_done),
     }
 

@@ -12,8 +12,11 @@ from dataclasses import asdict, astuple, dataclass
 from pathlib import Path
 from typing import Any
 
-from picktree.logs import FigureCounts, OperatorFigures, Rate, episode_counts, rate
+from picktree.logs import FigureCounts, Interval, OperatorFigures, Rate, episode_counts, rate
 
+from .batch_decision import RecipeDecision, decisions
+from .plan import PLAN_FILE, read_plan
+from .sequential_tests import rate_sequence
 from .store import Store
 from .tables import CELL_SIZE, Phase, cell_of
 
@@ -34,6 +37,8 @@ class RecipeSummary:
     first_try: Rate
     """Share of grasped objects that were held at the first attempt."""
     crashed: int
+    sequence: Interval | None
+    """Confidence sequence of the share of jobs with the goal reached, while jobs wait; None afterwards."""
     figures: OperatorFigures
     """Operators' figures over the jobs that have a result."""
     phases: Mapping[Phase, float]
@@ -134,6 +139,8 @@ class BatchSummary:
     together: Breakdown
     by_recipe: tuple[Breakdown, ...]
     worst: tuple[WorstJob, ...]
+    decisions: tuple[RecipeDecision, ...] = ()
+    """Comparisons of a batch that runs until its recipes are told apart."""
 
     @property
     def causes(self) -> tuple[CauseTotal, ...]:
@@ -154,6 +161,10 @@ class BatchSummary:
             "waiting": self.waiting,
             "recipes": [_recipe_json(recipe) for recipe in self.recipes],
             **_breakdown_json(self.together),
+            "decisions": [
+                {"a": d.label_a, "b": d.label_b, **asdict(d.result), "p": d.result.p_value}
+                for d in self.decisions
+            ],
             "by_recipe": {each.label: _breakdown_json(each) for each in self.by_recipe},
             "worst": [asdict(w) for w in self.worst],
         }
@@ -164,11 +175,15 @@ class BatchSummary:
 
 def _lines(found: BatchSummary) -> Iterator[str]:
     yield f"{found.total - found.waiting} of {found.total} jobs run"
+    yield from (decision.to_text() for decision in found.decisions)
     for recipe in found.recipes:
         yield ""
         yield recipe.label
         crashed = f", {recipe.crashed} crashed" if recipe.crashed else ""
         yield f"  goal reached  {recipe.success}{crashed}"
+        if recipe.sequence is not None:
+            low, high = 100 * recipe.sequence.low, 100 * recipe.sequence.high
+            yield f"                {low:.1f} … {high:.1f} % at any time, however often one looks"
         yield f"  items sorted  {recipe.items}"
         if recipe.first_try.total:
             yield f"  first grasps  {recipe.first_try} held"
@@ -274,6 +289,7 @@ def _recipe_json(recipe: RecipeSummary) -> dict[str, Any]:
         "label": recipe.label,
         **{name: _rate_json(getattr(recipe, name)) for name in ("success", "items", "first_try")},
         "crashed": recipe.crashed,
+        "sequence": None if recipe.sequence is None else asdict(recipe.sequence),
         "figures": recipe.figures.to_json(),
         "seconds_a_pick": dict(recipe.phases),
     }
@@ -315,7 +331,7 @@ _WORST = 10
 def summarise(store: Store) -> BatchSummary:
     """Summarise a batch. Raises PicktreeError when the results cannot be read."""
     ((total, waiting),) = _rows(store, "SELECT count(*), coalesce(sum(status = 'waiting'), 0) FROM jobs")
-    recipes = _recipes(store)
+    recipes = _recipes(store, ended=not waiting)
     by_recipe, together = _breakdowns(store, [recipe.label for recipe in recipes])
     worst = _rows(
         store,
@@ -329,10 +345,18 @@ def summarise(store: Store) -> BatchSummary:
         together,
         by_recipe,
         tuple(WorstJob(*row) for row in worst),
+        _decisions(store),
     )
 
 
-def _recipes(store: Store) -> tuple[RecipeSummary, ...]:
+def _decisions(store: Store) -> tuple[RecipeDecision, ...]:
+    if not (store.path.parent / PLAN_FILE).is_file():
+        return ()
+    plan = read_plan(store.path.parent)
+    return decisions(store, plan) if plan.until == "decided" else ()
+
+
+def _recipes(store: Store, *, ended: bool) -> tuple[RecipeSummary, ...]:
     counts = _rows(
         store,
         "SELECT variant, count(*), sum(status = 'success'), sum(status = 'crashed'), "
@@ -358,6 +382,7 @@ def _recipes(store: Store) -> tuple[RecipeSummary, ...]:
             rate(items_sorted, items_total),
             first.get(label, rate(0, 0)),
             crashed,
+            None if ended else rate_sequence(successes, jobs),
             OperatorFigures(tuple(figures[label])),
             spent[label],
         )

@@ -129,6 +129,7 @@ def test_the_summary_says_how_it_went(tmp_path: Path) -> None:
         "\n"
         "sort\n"
         "  goal reached  8 of 9 (88.9 %, 56.5 … 98.0 %)\n"
+        "                41.9 … 99.9 % at any time, however often one looks\n"
         "  items sorted  17 of 18 (94.4 %, 74.2 … 99.0 %)\n"
         "  units         680 an hour (600 … 720); first pass 17 of 18 (94.4 %, 74.2 … 99.0 %)\n"
         "  MTBF          90.0 s (16.2 s … 59.2 min): 1 set aside, no assist\n"
