@@ -15,6 +15,7 @@ from typing import Any
 from picktree.logs import FigureCounts, Interval, OperatorFigures, Rate, episode_counts, rate
 
 from .batch_decision import RecipeDecision, decisions
+from .failure_drivers import DriverRanking, rank_drivers
 from .plan import PLAN_FILE, read_plan
 from .sequential_tests import rate_sequence
 from .store import Store
@@ -139,6 +140,8 @@ class BatchSummary:
     together: Breakdown
     by_recipe: tuple[Breakdown, ...]
     worst: tuple[WorstJob, ...]
+    ranking: DriverRanking
+    """Drivers of failure, the clearest and strongest first."""
     decisions: tuple[RecipeDecision, ...] = ()
     """Comparisons of a batch that runs until its recipes are told apart."""
 
@@ -166,6 +169,7 @@ class BatchSummary:
                 for d in self.decisions
             ],
             "by_recipe": {each.label: _breakdown_json(each) for each in self.by_recipe},
+            **self.ranking.to_json(),
             "worst": [asdict(w) for w in self.worst],
         }
 
@@ -216,6 +220,8 @@ def _lines(found: BatchSummary) -> Iterator[str]:
         yield f"items sorted  by form: {_shares(together.forms)}"
         yield f"              by colour: {_shares(together.colours)}"
         yield f"              by place: {_worst_places(together.places)}"
+    for number, line in enumerate(found.ranking.lines()):
+        yield from ("", line) if number == 0 else (line,)
     if found.worst:
         yield ""
         yield "missed their goal"
@@ -345,6 +351,7 @@ def summarise(store: Store) -> BatchSummary:
         together,
         by_recipe,
         tuple(WorstJob(*row) for row in worst),
+        rank_drivers(store),
         _decisions(store),
     )
 
