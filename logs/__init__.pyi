@@ -49,6 +49,7 @@ from .run_account import (
     FailureLink as FailureLink,
     RunAccount as RunAccount,
     account_of as account_of,
+    fixed_of as fixed_of,
     motions_of as motions_of,
 )
 from .run_index import line as line

@@ -188,6 +188,8 @@ class FigureCounter:
 
     def __post_init__(self) -> None:
         self._nodes: Mapping[str, NodeLike] = {}
+        self.fixed: frozenset[str] = frozenset()
+        """Ids of fixtures, bins and totes. A tote that is given up is a failure, but no item."""
 
     def follow(self, nodes: Iterable[NodeLike]) -> None:
         """Use another tree from the next tick on."""
@@ -226,7 +228,11 @@ class FigureCounter:
             seconds=now,
             units=self.gone_units + states.count("done"),
             entered=self.gone_units
-            + sum(item.grasped or item.state != "open" for item in self.items.values()),
+            + sum(
+                item.grasped or item.state != "open"
+                for name, item in self.items.items()
+                if name not in self.fixed
+            ),
             first_pass=self.gone_first_pass
             + sum(item.state == "done" and not item.troubled for item in self.items.values()),
             set_aside=states.count("aside"),

@@ -189,6 +189,12 @@ def motions_of(
     }
 
 
+def fixed_of(log: RunLog) -> frozenset[str]:
+    """Return the ids of the fixtures, bins and totes in the belief."""
+    first = next(log.beliefs(), None)
+    return frozenset(part.id.partition("/")[0] for part in first.record.fixed) if first else frozenset()
+
+
 def figures_during(
     log: RunLog,
     events: Sequence[Stamped[JournalEvent]],
@@ -200,6 +206,7 @@ def figures_during(
     They are the robot's: the scorer's units and misplaced items, and pauses, are not in the ticks.
     """
     counter, tracker = FigureCounter(), EpisodeTracker()
+    counter.fixed = fixed_of(log)
     coming, left, found = deque(events), deque(sorted(moments)), list[FigureCounts]()
     for number, (at, trees) in enumerate(ticks_with_trees(log)):
         while left and at.time > left[0]:

@@ -254,6 +254,9 @@ class Execution:
         if self.stage is not None:
             self.tree.on_start.append(self.stage.injector.node_started)
         self.tally.follow(self.tree.structure())
+        self.tally.figures.fixed = frozenset(
+            str(each.id) for each in (*recipe.scene.fixtures, *recipe.scene.bins)
+        )
         self.items_total = self._count_items()
         """Number of items that have come so far; on a robot, of those that it has seen."""
 

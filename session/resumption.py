@@ -13,7 +13,16 @@ from typing import Any, Final
 from pydantic import TypeAdapter, ValidationError
 
 from picktree.files import PicktreeError
-from picktree.logs import Digest, RunRecord, arithmetic_record, log_files, log_records, motions_of, topics
+from picktree.logs import (
+    Digest,
+    RunRecord,
+    arithmetic_record,
+    fixed_of,
+    log_files,
+    log_records,
+    motions_of,
+    topics,
+)
 from picktree.logs.recording import WHOLE_STATE_PERIOD, RecordingState, fold_states, read_state
 from picktree.robot.planning import has_second_core
 from picktree.simulation import FaultState, checkpoints
@@ -140,6 +149,7 @@ def _tally(run: RunRecord, known: RunState, since: float, until: float) -> RunCo
     """
     before = known.tally if known.tally is not None else RunCounters().state()
     tally = RunCounters.resumed(before)
+    tally.figures.fixed = fixed_of(run.log)
     tally.follow(run.tree_at(since).nodes)
     events: dict[float, list[JournalEvent]] = {}
     begin = since + 1e-6 if since >= 0.0 else None

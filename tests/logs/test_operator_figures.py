@@ -80,6 +80,13 @@ def test_units_failures_and_first_pass_are_counted_by_item() -> None:
     assert (curve.within(0.5), curve.within(0.9), curve.share(4.9)) == (5.0, None, 0.4)
 
 
+def test_a_tote_that_is_given_up_is_a_failure_but_no_item() -> None:
+    counter = counted((1.0, MOVE, [pick("a"), done("a")], ()), (2.0, MOVE, [given_up("tote")], ()))
+    counter.fixed = frozenset({"tote"})
+    found = counter.counts(2.0)
+    assert (found.entered, found.first_pass, found.failures) == (1, 1, 1)
+
+
 def test_assists_are_actions_of_a_person() -> None:
     answer = event_types.OperatorAnswerEvent("", "Main/Ask", question="?", answer="go on")
     counter = counted(
