@@ -115,7 +115,7 @@ class SequentialResult:
     """Number of seeds at which only A did better."""
     only_b: int
     e_value: float
-    """Evidence against equal recipes: 40 decides at a level of 5 %, of which half is for equality."""
+    """Evidence against equal recipes: 20 decides at a level of 5 %."""
     interval: Interval
     """Confidence sequence. For `goal`: B's share minus A's. For `units`: the share of seeds at which B brings
     more units an hour, minus the share at which A does."""
@@ -148,8 +148,9 @@ class SequentialResult:
 class SequentialComparison:
     """Paired comparison of A and B that may be looked at after each seed; a verdict stays.
 
-    Half of the `level` is for the better side, half for equality: the verdict is false with a probability of
-    `level` at most, whenever one stops. `margin`: difference within which both count as equal, 0 … 1.
+    The verdict is false with a probability of `level` at most, whenever one stops. For equal recipes that is
+    the test of signs. Otherwise half of it is for the wrong side, which half of the bets favour, and half for
+    a false equality. `margin`: difference within which both count as equal, 0 … 1.
     """
 
     def __init__(
@@ -174,7 +175,7 @@ class SequentialComparison:
             self.verdict = self._look()
 
     def _look(self) -> Verdict:
-        if sign_evidence(self._only_a, self._only_b) >= 2 / self._level:
+        if sign_evidence(self._only_a, self._only_b) >= 1 / self._level:
             return "A" if self._only_a > self._only_b else "B"
         found = self._mean.interval
         return "equal" if -self._margin < found.low and found.high < self._margin else "open"
