@@ -119,7 +119,7 @@ class Batch:
         self._stop: Stop = "no"
         self._full = False
         self.decided = False
-        """Whether the recipes were told apart, in a batch that runs until then."""
+        """Whether the recipes were distinguished, in a batch that runs until then."""
 
     @classmethod
     def create(cls, folder: Path, plan: BatchPlan) -> Batch:
@@ -176,9 +176,9 @@ class Batch:
     def run(self, executor: Executor, onlooker: BatchWatcher) -> bool:
         """Run all open jobs, each seed with all variants. Return False when stopped before the end.
 
-        A plan `until: decided` ends when the recipes are told apart. A stopped batch then has the same seeds
-        of each variant, but for the last. Raises PicktreeError when results cannot be written, or the disk is
-        full; --resume continues.
+        A plan `until: decided` ends when the recipes are distinguished. A stopped batch then has the same
+        seeds of each variant, but for the last. Raises PicktreeError when results cannot be written, or the
+        disk is full; --resume continues.
         """
         self._take_in()
         to_do, tried = self.store.to_do(), self.store.lost_tries()
@@ -222,7 +222,7 @@ class Batch:
         return self.decided or not waiting
 
     def _decide(self) -> None:
-        """Look whether the recipes are told apart. A decision stays: jobs under way do not undo it."""
+        """Look whether the recipes are distinguished. A decision stays: jobs under way do not undo it."""
         if self.plan.until == "decided" and not self.decided:
             self.decided = all(each.result.decided for each in decisions(self.store, self.plan))
 

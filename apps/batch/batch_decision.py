@@ -1,4 +1,4 @@
-"""Decision of a batch that runs until its recipes are told apart: the first recipe with each other one."""
+"""Decision of a batch that runs until its recipes are distinguished: the first recipe with each other one."""
 
 from __future__ import annotations
 

@@ -207,12 +207,11 @@ class BatchPlan(file_models.FileValue):
     keep: Keep = "failures"
     """Jobs whose logs stay on the disk."""
     until: Literal["all", "decided"] = "all"
-    """End of the batch: all jobs were run, or the recipes are told apart."""
+    """End of the batch: all jobs were run, or the recipes are distinguished."""
     by: Question = "goal"
     """Question that decides: goals reached, or units an hour."""
     margin: Annotated[float, file_models.quantity("", above=0, most=1)] = DEFAULT_MARGIN
-    """Difference within which two recipes count as equal: of the shares of goals reached, or of the shares of
-    seeds at which one or the other brings more units an hour."""
+    """Difference within which recipes count as equal: in the share of goals, or of seeds with more units."""
 
     @property
     def recipes(self) -> int:

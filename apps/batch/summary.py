@@ -143,7 +143,7 @@ class BatchSummary:
     ranking: DriverRanking
     """Drivers of failure, the clearest and strongest first."""
     decisions: tuple[RecipeDecision, ...] = ()
-    """Comparisons of a batch that runs until its recipes are told apart."""
+    """Comparisons of a batch that runs until its recipes are distinguished."""
 
     @property
     def causes(self) -> tuple[CauseTotal, ...]:

@@ -72,7 +72,7 @@ KeptLogs: TypeAlias = Annotated[
 ]
 EndOfBatch: TypeAlias = Annotated[
     Literal["all", "decided"],
-    typer.Option(help="End of the batch: all jobs were run, or the recipes are told apart."),
+    typer.Option(help="End of the batch: all jobs were run, or the recipes are distinguished."),
 ]
 DecidedBy: TypeAlias = Annotated[
     Literal["goal", "units"],
@@ -134,7 +134,7 @@ def run(
     """Run every combination of missions, scenes, faults and settings with every seed.
 
     The first Ctrl-C finishes the running jobs, the second stops immediately; --resume continues. Exit code 0:
-    every job reached its goal; 1: one did not. With --until decided 0: the recipes are told apart; 1: all
+    every job reached its goal; 1: one did not. With --until decided 0: the recipes are distinguished; 1: all
     seeds were not enough.
     """
     _require_one_source(context, plan, mission, resume)

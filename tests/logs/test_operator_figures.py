@@ -4,13 +4,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from picktree.logs import Activity, CellMotion, FigureCounter, FigureCounts, OperatorFigures, poisson_interval
-from picktree.logs.operator_figures import TimeToDone
+from picktree.logs import (
+    Activity,
+    CellMotion,
+    FigureCounter,
+    FigureCounts,
+    OperatorFigures,
+    RunRecord,
+    poisson_interval,
+)
+from picktree.logs.operator_figures import TimeToDone, added_counts
+from picktree.logs.run_account import figures_during
+from picktree.session import tally_of
 from picktree.world import JournalEvent, event_types
 
 REST, MOVE = CellMotion("Hold", 0.04), CellMotion("Track", 0.04)
@@ -140,6 +152,21 @@ def test_counts_of_a_period_are_those_since_the_one_before() -> None:
     assert (since.seconds, since.units, since.given_up, since.assists, since.times) == (
         20.0, 3, 0, {"answer": 2}, (4.0,),
     )  # fmt: skip
+
+
+def test_a_log_gives_the_figures_of_its_result(troubled_log: Path) -> None:
+    """Scored and counted from the log's ticks they are the same, also after a checkpoint and by periods."""
+    with RunRecord(troubled_log) as run:
+        assert run.result is not None
+        scored = run.result.figures
+        assert scored is not None
+        (counted_again,) = figures_during(run.log, run.events, run.motions)
+        assert counted_again == replace(scored, misplaced=0, crushed=0)
+        state = tally_of(run, run.end).state().figures
+        assert state.counts(scored.seconds) == counted_again
+        halves = run.operator_figures_by(scored.seconds / 2)
+        assert added_counts(each.total for each in halves).times == scored.times
+        assert run.operator_figures.total == scored
 
 
 def test_the_band_of_the_curve_is_that_of_massart() -> None:
