@@ -23,6 +23,7 @@ from .operator_figures import (
     Activity as Activity,
     Assist as Assist,
     CellMotion as CellMotion,
+    ESTIMATES as ESTIMATES,
     Estimate as Estimate,
     FigureCounter as FigureCounter,
     FigureCounts as FigureCounts,
