@@ -122,7 +122,9 @@ def read_recipe(where: str) -> RecipeOutcomes:
     for job, cause, count in failures:
         causes.setdefault(job, Counter())[cause] = count
     found = {
-        seed: JobOutcome(job, seed, bool(success), *rest, causes.get(job, Counter()), figures.get(job))
+        seed: JobOutcome(
+            job, seed, bool(success), *rest, causes=causes.get(job, Counter()), figures=figures.get(job)
+        )
         for variant, job, seed, success, *rest in jobs
         if variant == label
     }
