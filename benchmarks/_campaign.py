@@ -27,9 +27,9 @@ from typing import TYPE_CHECKING, Any
 from _campaign_results import REFERENCE_COST as REFERENCE_COST  # programs have it from here
 from _campaign_results import Forecast, Results, Row, key, plain, source_digest
 from picktree.apps.batch import Executor, LocalExecutor
-from picktree.apps.batch import rate as batch_rate
 from picktree.apps.batch.executor import JobFailed, JobFinished, JobOrder
 from picktree.files import PicktreeError, restart
+from picktree.logs import rate as batch_rate
 from picktree.session.environment import hashes, revision
 
 if TYPE_CHECKING:

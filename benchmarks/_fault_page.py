@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from _fault_table import ALL, COLUMNS, Line, to_markdown, total
-from picktree.apps.batch import rate
+from picktree.logs import rate
 
 
 @dataclass(frozen=True, slots=True)

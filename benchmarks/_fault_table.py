@@ -9,7 +9,7 @@ from fnmatch import fnmatch
 from typing import Any
 
 from _fault_measures import Measure
-from picktree.apps.batch import Rate, rate
+from picktree.logs import Rate, rate
 from picktree.simulation.fault_entries import FaultExpectation
 from picktree.world import matches
 

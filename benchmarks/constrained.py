@@ -19,7 +19,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from picktree.apps.batch import rate
+from picktree.logs import rate
 from picktree.robot.planning import PoseGoal, Request, RequestSolver, UprightConstraint
 from picktree.robot.planning.trajectory_verifier import TrajectoryVerifier
 from picktree.world import Array, Failure, Pose, Vector3

@@ -29,11 +29,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from picktree.apps.batch import rate
 from picktree.authoring.xml import ImportOptions, XmlText, convert_all
 from picktree.authoring.xml.conversion import convert_text
 from picktree.files import FileError, PicktreeError
 from picktree.files.yaml.file_text import read_text
+from picktree.logs import rate
 from picktree.tests.authoring.btcpp_library import LIBRARY
 from picktree.tests.authoring.foreign_library import Library, called_by, comparable, trees_of
 from picktree.trees.loading import NodeRegistry, load_mission

@@ -17,10 +17,31 @@ from . import (
 )
 from .event_records import BeliefEvent as BeliefEvent, ImageEvent as ImageEvent, event_record as event_record
 from .log_records import encode as encode
+from .operator_figures import (
+    ACTIVITIES as ACTIVITIES,
+    ACTIVITY_TEXTS as ACTIVITY_TEXTS,
+    Activity as Activity,
+    Assist as Assist,
+    CellMotion as CellMotion,
+    ESTIMATES as ESTIMATES,
+    Estimate as Estimate,
+    FigureCounter as FigureCounter,
+    FigureCounts as FigureCounts,
+    OperatorFigures as OperatorFigures,
+    TimeToDone as TimeToDone,
+    duration_text as duration_text,
+)
 from .optional_libraries import (
     PandasTable as PandasTable,
     install_command as install_command,
     optional_import as optional_import,
+)
+from .rates import (
+    CONFIDENCE as CONFIDENCE,
+    Interval as Interval,
+    Rate as Rate,
+    poisson_interval as poisson_interval,
+    rate as rate,
 )
 from .run_account import (
     CureAttempt as CureAttempt,
@@ -29,6 +50,8 @@ from .run_account import (
     FailureLink as FailureLink,
     RunAccount as RunAccount,
     account_of as account_of,
+    fixed_of as fixed_of,
+    motions_of as motions_of,
 )
 from .run_index import line as line
 from .run_log import (

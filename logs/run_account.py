@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 
 from picktree.world import JournalEvent, event_types
@@ -11,6 +12,7 @@ from picktree.world import JournalEvent, event_types
 from .episode_counts import CauseCount, CureCount, by_cause, counted
 from .item_episodes import AGAIN, CureNames, Decision, EpisodeTracker
 from .node_visits import HALTED, Visit, VisitBuilder, VisitTree, ticks_with_trees, under_way
+from .operator_figures import CellMotion, FigureCounter, FigureCounts
 from .run_log import RunLog, Stamped
 
 ANSWERING = frozenset({"Recover", "RecoveryNode"})
@@ -163,6 +165,65 @@ def account_of(log: RunLog, events: Sequence[Stamped[JournalEvent]]) -> RunAccou
             tuple(sorted(planted, key=lambda p: p.time)),
         ),
     )
+
+
+def motions_of(
+    log: RunLog, arm: Container[str], start: float | None = None, end: float | None = None
+) -> Mapping[float, CellMotion]:
+    """Return the motion of arm and fingers by the time of the tick, simulated s; empty in older logs.
+
+    `arm`: names of the arm's joints; the others are those of the fingers.
+    """
+    controllers = {at.time: at.record.controller for at in log.controls(start, end)}
+    return {
+        at.time: CellMotion(
+            controllers[at.time],
+            math.fsum(
+                position
+                for name, position in zip(at.record.names, at.record.position, strict=True)
+                if name not in arm
+            ),
+        )
+        for at in (log.joints(start, end) if controllers else ())
+        if at.time in controllers
+    }
+
+
+def fixed_of(log: RunLog) -> frozenset[str]:
+    """Return the ids of the fixtures, bins and totes in the belief."""
+    first = next(log.beliefs(), None)
+    return frozenset(part.id.partition("/")[0] for part in first.record.fixed) if first else frozenset()
+
+
+def figures_during(
+    log: RunLog,
+    events: Sequence[Stamped[JournalEvent]],
+    motions: Mapping[float, CellMotion],
+    moments: Sequence[float] = (),
+) -> tuple[FigureCounts, ...]:
+    """Return the counts of the operators' figures up to each of the moments, simulated s, and up to the end.
+
+    They are the robot's: the scorer's units and misplaced items, and pauses, are not in the ticks.
+    """
+    counter, tracker = FigureCounter(), EpisodeTracker()
+    counter.fixed = fixed_of(log)
+    coming, left, found = deque(events), deque(sorted(moments)), list[FigureCounts]()
+    for number, (at, trees) in enumerate(ticks_with_trees(log)):
+        while left and at.time > left[0]:
+            found.append(counter.counts(left.popleft()))
+        for tree in trees:
+            tracker.follow(tree.nodes)
+            counter.follow(tree.nodes)
+        records: list[JournalEvent] = []
+        while coming and coming[0].time <= at.time + 1e-9:
+            records.append(coming.popleft().record)
+        if number == 0:
+            tracker.begun(at.time, under_way(at.record))
+        edges = at.record.edges
+        decisions = tracker.take(at.time, edges, records)
+        counter.take(at.time, records, decisions, edges, motions.get(at.time))
+    found += [counter.counts(moment) for moment in left]
+    return (*found, counter.counts(log.end))
 
 
 def _completed(recorded: Sequence[Decision], derived: Sequence[Decision]) -> list[Decision]:

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -35,6 +35,7 @@ from picktree.logs.mcap import is_written
 
 from .episode_counts import by_cause
 from .log_files import LOG_NAME, part_paths
+from .operator_figures import duration_text
 from .run_log import RunLog
 from .run_result import RunResult
 
@@ -57,6 +58,11 @@ COLUMNS: Final[Mapping[str, tuple[ValueType, str]]] = {
     "misplaced": (INT, "number of items at a wrong place"),
     "held": (INT, "number of grasps that held the item"),
     "seconds": (FLOAT, "simulated time, s"),
+    "units_an_hour": (FLOAT, "items at their destination in a simulated hour"),
+    "first_pass": (FLOAT, "first-pass yield, 0 … 1"),
+    "mtbf": (FLOAT, "mean time between failures, simulated s; absent without a failure"),
+    "mtbf_a": (FLOAT, "mean time between failures or assists, simulated s; absent without both"),
+    "assists": (INT, "number of actions of a person"),
     "lost": (FLOAT, "simulated time lost by failures, s"),
     "cause": (
         TEXT,
@@ -97,6 +103,11 @@ class RunRow:
     misplaced: int | None = None
     held: int | None = None
     seconds: float | None = None
+    units_an_hour: float | None = None
+    first_pass: float | None = None
+    mtbf: float | None = None
+    mtbf_a: float | None = None
+    assists: int | None = None
     lost: float | None = None
     cause: str = ""
     causes: tuple[str, ...] = ()
@@ -241,7 +252,8 @@ class RunIndex:
     @property
     def _makers(self) -> tuple[Path, ...]:
         here = Path(__file__).parent
-        return (here / "run_index.py", here / "run_result.py", here / "episode_counts.py")
+        names = ("run_index", "run_result", "episode_counts", "operator_figures", "rates")
+        return tuple(here / f"{name}.py" for name in names)
 
     def _cached(self) -> dict[str, RunRow]:
         data = disk_cache.kept("runs", self._key, self._makers)
@@ -323,7 +335,22 @@ def _filled(row: RunRow, log: RunLog) -> RunRow:
         causes=causes,
         cause=next((cause for cause in causes if cause not in instead), ""),
         message=result.message,
+        **_figures(result),
     )
+
+
+def _figures(result: RunResult) -> dict[str, Any]:
+    figures = result.operator_figures
+    if figures is None:
+        return {}
+    values = {
+        "units_an_hour": figures.units_an_hour.value,
+        "first_pass": figures.first_pass_yield.share,
+        "mtbf": figures.mtbf.value,
+        "mtbf_a": figures.mtbf_a.value,
+    }
+    rounded = {name: None if value is None else round(value, 3) for name, value in values.items()}
+    return {**rounded, "assists": figures.total.assisted}
 
 
 def _causes(result: RunResult) -> tuple[str, ...]:
@@ -332,8 +359,19 @@ def _causes(result: RunResult) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*lost, *often)))
 
 
-_HEADS: Final = ("written", "status", "sorted", "lost s", "seed", "mission", "cause", "folder")
-_WIDTHS: Final = (16, 11, 9, 8, 6, 22, 24, 0)
+_HEADS: Final = (
+    "written",
+    "status",
+    "sorted",
+    "units/h",
+    "MTBF",
+    "lost s",
+    "seed",
+    "mission",
+    "cause",
+    "folder",
+)
+_WIDTHS: Final = (16, 11, 9, 7, 8, 8, 6, 22, 24, 0)
 
 
 def heading() -> str:
@@ -347,11 +385,13 @@ def line(row: RunRow) -> str:
     done = "" if row.sorted is None else f"{row.sorted} of {row.total}"
     lost = "" if row.lost is None else f"{row.lost:.1f}"
     seed = "" if row.seed is None else str(row.seed)
-    return _columns((when, row.status, done, lost, seed, row.mission, row.cause, row.folder))
+    hourly = "" if row.units_an_hour is None else f"{row.units_an_hour:.0f}"
+    between = "" if row.mtbf is None else duration_text(row.mtbf)
+    return _columns((when, row.status, done, hourly, between, lost, seed, row.mission, row.cause, row.folder))
 
 
 def _columns(cells: Iterable[str]) -> str:
-    numbers = ("lost s", "seed")
+    numbers = ("units/h", "MTBF", "lost s", "seed")
     padded = (
         f"{cell:>{width}}" if head in numbers else f"{cell:<{width}}"
         for cell, width, head in zip(cells, _WIDTHS, _HEADS, strict=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,7 +16,8 @@ from picktree.world import Candidates, JournalEvent, Plan, Tree, TreeNode
 from . import topics
 from .log_records import LogLine, RunInfo, Scene
 from .node_visits import Pick, SkillStep, Visit, picks_of, steps_of
-from .run_account import RunAccount, account_of
+from .operator_figures import CellMotion, FigureCounts, OperatorFigures
+from .run_account import RunAccount, account_of, figures_during, motions_of
 from .run_log import RunLog, Stamped
 from .run_result import RunResult
 from .series import (
@@ -166,6 +168,31 @@ class RunRecord:
     def account(self) -> RunAccount:
         """Account of the run: visits, failures and their outcomes, episodes with cures and time lost."""
         return account_of(self.log, self.events)
+
+    @cached_property
+    def motions(self) -> Mapping[float, CellMotion]:
+        """Motion of arm and fingers by the time of the tick, simulated s; empty in older logs."""
+        return motions_of(self.log, self.joint_names[0])
+
+    @cached_property
+    def operator_figures(self) -> OperatorFigures:
+        """Operators' figures, as the result has them; without it, as the ticks show them."""
+        counts = None if self.result is None else self.result.figures
+        if counts is None:
+            (counts,) = figures_during(self.log, self.events, self.motions)
+        return OperatorFigures((counts,))
+
+    def operator_figures_by(self, period: float) -> tuple[OperatorFigures, ...]:
+        """Return the operators' figures of each period, simulated s, the last one up to the end of the log.
+
+        They are the robot's: units and failures as it believes. Raises ValueError for a period of 0 or less.
+        """
+        if period <= 0.0:
+            raise ValueError(f"the period is {period:g} s; it must be above 0")
+        moments = [period * n for n in range(1, math.ceil(self.end / period - 1e-9))]
+        counts = figures_during(self.log, self.events, self.motions, moments)
+        before = (FigureCounts(), *counts)
+        return tuple(OperatorFigures((now.minus(then),)) for then, now in zip(before, counts, strict=False))
 
     @cached_property
     def plans(self) -> tuple[Stamped[Plan], ...]:

@@ -15,6 +15,7 @@ from picktree.robot import operator_desk
 from picktree.world import FormCount, ItemCount, Plain
 
 from .episode_counts import CureCount, PlantedCount, cause_lines, planted_lines
+from .operator_figures import FigureCounts, OperatorFigures
 
 RunStatus: TypeAlias = Literal[
     "success", "incomplete", "failure", "timeout", "paused", "interrupted", "stopped"
@@ -157,6 +158,13 @@ class RunResult:
     """Question to a person, for a paused run; else None."""
     as_believed: bool = False
     """Whether `items` counts what the robot believes: a run on a robot has no ground truth."""
+    figures: FigureCounts | None = None
+    """Counts of the operators' figures; None in older logs."""
+
+    @property
+    def operator_figures(self) -> OperatorFigures | None:
+        """Operators' figures with their intervals; None in older logs."""
+        return None if self.figures is None else OperatorFigures((self.figures,))
 
     @property
     def reached(self) -> bool:
@@ -205,6 +213,7 @@ class RunResult:
             "crushed": [asdict(item) for item in self.crushed],
             "asked": None if self.asked is None else self.asked.to_json(),
             **({"as_believed": True} if self.as_believed else {}),
+            "figures": self._figures_json(),
             "cpu_seconds": round(self.cpu_seconds, 3),
             "wall_seconds": {part: round(wall, 3) for part, wall in asdict(self.wall_seconds).items()},
             "log": str(self.log.absolute()),
@@ -237,6 +246,7 @@ class RunResult:
                 if values.get("asked")
                 else None,
                 as_believed=bool(values.get("as_believed", False)),
+                figures=FigureCounts.from_json(values["figures"]) if values.get("figures") else None,
                 log=Path(values["log"]),
                 folder=Path(values["folder"]),
                 **{name: values[name] for name in _PLAIN_FIELDS},
@@ -264,6 +274,7 @@ class RunResult:
             *self._recovered(),
             *self._fed(),
             *self._verified(),
+            *self._figures(),
             f"simulated   {self.sim_seconds:.1f} s{self._rate()}{self._thinking()}",
             f"wall        {wall.total:.1f} s: physics {wall.physics:.1f}, planning {wall.planning:.1f}, "
             f"perception {wall.perception:.1f}, logging {wall.logging:.1f}; CPU {self.cpu_seconds:.1f} s",
@@ -302,6 +313,14 @@ class RunResult:
         )
         return ["feed        " + ", ".join(f"{n} {one if n == 1 else more}" for n, one, more in parts)]
 
+    def _figures(self) -> list[str]:
+        figures = self.operator_figures
+        return [] if figures is None else [f"{title:<12}{text}" for title, text in figures.lines()]
+
+    def _figures_json(self) -> dict[str, Plain] | None:
+        figures = self.operator_figures
+        return None if self.figures is None or figures is None else self.figures.to_json() | figures.to_json()
+
     def _verified(self) -> list[str]:
         """Return a line when the verifier was in use."""
         if self.disagreements is None:
@@ -310,10 +329,7 @@ class RunResult:
 
     def _rate(self) -> str:
         rate = self.seconds_per_pick
-        if rate is None:
-            return ""
-        hourly = f" ({3600 / rate:.0f} an hour)" if self.feed is not None else ""
-        return f", {rate:.1f} s a pick{hourly}"
+        return "" if rate is None else f", {rate:.1f} s a pick"
 
     def _thinking(self) -> str:
         return "" if self.thinking_charged else " (planning and perception took no simulated time)"

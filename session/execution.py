@@ -4,12 +4,13 @@ shows nothing; `Session` does.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
 from typing import Any
 
 from picktree.files import PicktreeError
-from picktree.logs import RunStatus, log_records
+from picktree.logs import CellMotion, RunStatus, log_records
 from picktree.logs.recording import RecordingState
 from picktree.recovery import ResyncReport, last_look, resync_belief
 from picktree.robot import HandlingParameters, Vision, World
@@ -273,6 +274,9 @@ class Execution:
         if self.stage is not None:
             self.tree.on_start.append(self.stage.injector.node_started)
         self.tally.follow(self.tree.structure())
+        self.tally.figures.fixed = frozenset(
+            str(each.id) for each in (*recipe.scene.fixtures, *recipe.scene.bins)
+        )
         self.items_total = self._count_items()
         """Number of items that have come so far; on a robot, of those that it has seen."""
 
@@ -297,8 +301,15 @@ class Execution:
         """Count what has happened in a tick, and return its report with its journal entries."""
         self.items_total = self._count_items()
         entries = self.world.journal.take()
-        decisions = self.tally.take(self.world.clock.now, entries, self.tree.leaves, report.edges)
+        decisions = self.tally.take(
+            self.world.clock.now, entries, self.tree.leaves, report.edges, self._motion()
+        )
         return report, (*entries, *decisions)
+
+    def _motion(self) -> CellMotion:
+        """Return the motion of arm and fingers, as the log of this tick has it."""
+        width = self.hardware.gripper.read().width
+        return CellMotion(self.world.control.controller, math.fsum(self.world.robot.fingers.positions(width)))
 
     def pass_time(self) -> None:
         """Advance control and simulation by one tick."""

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Final
 
 from picktree.files import PicktreeError
-from picktree.logs import Digest, RunLog, RunRecord, log_records, topics
+from picktree.logs import Digest, RunLog, RunRecord, fixed_of, log_records, topics
 from picktree.logs.mcap import RawMessage
 from picktree.logs.recording import RecordingState
 from picktree.robot import operator_desk
@@ -179,6 +179,7 @@ def complete_state(state: RunState, run: RunRecord) -> RunState:
 def tally_of(run: RunRecord, time: float) -> RunCounters:
     """Return the counters of the run up to `time`, simulated s."""
     tally = RunCounters()
+    tally.figures.fixed = fixed_of(run.log)
     coming = list(run.trees)
     events: dict[float, list[JournalEvent]] = {}
     for at in run.events:
@@ -188,7 +189,7 @@ def tally_of(run: RunRecord, time: float) -> RunCounters:
             tally.follow(coming.pop(0).record.nodes)
         now = events.get(at.time, ())
         leaves = frozenset(node.path for node in run.tree_at(at.time).nodes if not node.children)
-        tally.take(at.time, now, leaves, at.record.edges)
+        tally.take(at.time, now, leaves, at.record.edges, run.motions.get(at.time))
     return tally
 
 

@@ -13,7 +13,16 @@ from typing import Any, Final
 from pydantic import TypeAdapter, ValidationError
 
 from picktree.files import PicktreeError
-from picktree.logs import Digest, RunRecord, arithmetic_record, log_files, log_records, topics
+from picktree.logs import (
+    Digest,
+    RunRecord,
+    arithmetic_record,
+    fixed_of,
+    log_files,
+    log_records,
+    motions_of,
+    topics,
+)
 from picktree.logs.recording import WHOLE_STATE_PERIOD, RecordingState, fold_states, read_state
 from picktree.robot.planning import has_second_core
 from picktree.simulation import FaultState, checkpoints
@@ -140,14 +149,16 @@ def _tally(run: RunRecord, known: RunState, since: float, until: float) -> RunCo
     """
     before = known.tally if known.tally is not None else RunCounters().state()
     tally = RunCounters.resumed(before)
+    tally.figures.fixed = fixed_of(run.log)
     tally.follow(run.tree_at(since).nodes)
     events: dict[float, list[JournalEvent]] = {}
     begin = since + 1e-6 if since >= 0.0 else None
     for at in run.log.events(begin, until + 1e-9):
         events.setdefault(at.time, []).append(at.record)
+    motions = motions_of(run.log, run.joint_names[0], begin, until)
     for at in run.log.ticks(begin, until):
         leaves = frozenset(node.path for node in run.tree_at(at.time).nodes if not node.children)
-        tally.take(at.time, events.get(at.time, ()), leaves, at.record.edges)
+        tally.take(at.time, events.get(at.time, ()), leaves, at.record.edges, motions.get(at.time))
     return replace(tally.state(), done=before.done, episodes=before.episodes)
 
 

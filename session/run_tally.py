@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
-from copy import copy
+from copy import copy, deepcopy
 from dataclasses import dataclass, field, fields
 from typing import Any, Literal, TypeAlias
 
-from picktree.logs import episode_counts, item_episodes
+from picktree.logs import CellMotion, FigureCounter, OperatorFigures, episode_counts, item_episodes
 from picktree.world import Entry, JournalEvent, event_types
 
 Place: TypeAlias = Literal["bin", "elsewhere", "aside"]
@@ -29,7 +29,7 @@ class RunCounters:
     """Counters of one run, from the robot's belief and sensors only, and their state in a checkpoint. The
     scorer decides whether an item is sorted.
 
-    Open episodes are tracked; memory does not grow with the run's length.
+    Open episodes are tracked. Memory grows by one number for each item that is done.
     """
 
     tried: int = 0
@@ -61,6 +61,8 @@ class RunCounters:
     """Number of items in bins that were exchanged; their ids are no longer needed."""
     episodes: EpisodeCountersState = field(default_factory=EpisodeCountersState)
     """Episodes at the start of the count."""
+    figures: FigureCounter = field(default_factory=FigureCounter)
+    """Counter of the operators' figures."""
 
     def __post_init__(self) -> None:
         self._counts = episode_counts.EpisodeCounts(self.episodes.cures, self.episodes.planted)
@@ -71,6 +73,7 @@ class RunCounters:
         values: dict[str, Any] = {each.name: copy(getattr(self, each.name)) for each in fields(self)}
         counts, following = self._counts, self._tracker.state()
         values["episodes"] = EpisodeCountersState(counts.cures, counts.planted, following)
+        values["figures"] = deepcopy(self.figures)
         return RunCounters(**values)
 
     @classmethod
@@ -120,6 +123,10 @@ class RunCounters:
         parts = [f"{self.count('bin')} of {total} items done"]
         return ", ".join([*parts, *(f"{number} {words}" for number, words in others if number)])
 
+    def operator_figures(self, now: float) -> OperatorFigures:
+        """Return the operators' figures up to `now`, simulated s, as the robot believes."""
+        return OperatorFigures((self.figures.counts(now),))
+
     def _forget(self, objects: Iterable[str]) -> None:
         objects = set(objects)
         self.emptied += sum(self.places.pop(each, "") == "bin" for each in objects)
@@ -131,7 +138,9 @@ class RunCounters:
 
     def follow(self, nodes: Iterable[item_episodes.NodeLike]) -> None:
         """Use another tree from the next tick on."""
+        nodes = tuple(nodes)
         self._tracker.follow(nodes)
+        self.figures.follow(nodes)
 
     def take(
         self,
@@ -139,12 +148,14 @@ class RunCounters:
         entries: Iterable[Entry],
         leaves: frozenset[str],
         changes: Iterable[item_episodes.TransitionLike],
+        motion: CellMotion | None = None,
     ) -> tuple[item_episodes.Decision, ...]:
         """Count the results of one tick, and return the decisions about failures of it.
 
         `leaves` are the paths of the nodes without children. `changes` are the starts and ends of nodes, in
-        order.
+        order. `motion` is that of arm and fingers after the tick; None: unknown.
         """
+        changes = tuple(changes)
         events = [entry for entry in entries if isinstance(entry, JournalEvent)]
         for event in events:
             self._happened(event)
@@ -152,7 +163,9 @@ class RunCounters:
             own = change.path in leaves or (change.cause == "tree.timeout" and change.origin == change.path)
             if change.status == "FAILURE" and change.cause and own:
                 self.failures[change.cause] += 1
-        return self._counted(self._tracker.take(time, changes, events))
+        decisions = self._counted(self._tracker.take(time, changes, events))
+        self.figures.take(time, events, decisions, changes, motion)
+        return decisions
 
     def _happened(self, event: JournalEvent) -> None:
         match event:

@@ -11,7 +11,7 @@ import gc
 import os
 import signal
 import time
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
@@ -21,6 +21,7 @@ from picktree.files import PicktreeError, arithmetic
 from picktree.logs import (
     CrushedItem,
     FeedCount,
+    FigureCounts,
     HoleItem,
     PickCount,
     RunResult,
@@ -34,7 +35,7 @@ from picktree.robot import operator_desk
 from picktree.robot.perception import hidden_shares
 from picktree.simulation import ItemScore, Score, TrueBody, score
 from picktree.trees import Mission
-from picktree.world import RobotStopped, Stopwatch, Tick, event_types
+from picktree.world import ItemCount, RobotStopped, Stopwatch, Tick, event_types
 from picktree.world.scene import MAX_HIDDEN_SHARE
 
 from .believed_score import believed_count
@@ -106,6 +107,7 @@ def summarise(
     if status == "success" and not verdict.reached(goal):
         status = "incomplete"
     tally.finish(now)
+    crushed = tuple(_crushed(run, truth))
     question = desk.pending if status == "paused" else None
     return RunResult(
         status=status,
@@ -131,14 +133,37 @@ def summarise(
         holes=tuple(
             _at_hole(body, item) for body, item in zip(truth, verdict.items, strict=True) if item.seat
         ),
-        crushed=tuple(
-            CrushedItem(str(body.id), body.kind, body.colour, round(body.crushed, 2), limit)
-            for body in truth
-            if body.crushed > 0.0 and (limit := scene.entry(body.kind).force_limit) is not None
-        ),
+        crushed=crushed,
         feed=FeedCount(tally.deliveries, tally.exchanges, tally.set_aside) if scene.deliveries else None,
         asked=question,
         as_believed=run.stage is None,
+        figures=_figures(run, verdict.count, len(crushed), asks=question is not None),
+    )
+
+
+def _crushed(run: Execution, truth: Iterable[TrueBody]) -> Iterator[CrushedItem]:
+    for body in truth:
+        limit = run.recipe.scene.entry(body.kind).force_limit if body.crushed > 0.0 else None
+        if limit is not None:
+            yield CrushedItem(str(body.id), body.kind, body.colour, round(body.crushed, 2), limit)
+
+
+def _figures(run: Execution, items: ItemCount, crushed: int, *, asks: bool) -> FigureCounts:
+    """Return the counts of the operators' figures: the robot's, with the scorer's units and misplaced items.
+
+    `asks`: the run waits for an answer, for which a person must come.
+    """
+    counts = run.tally.figures.counts(run.world.clock.now)
+    if asks:
+        counts = replace(counts, assists={**counts.assists, "answer": counts.assists.get("answer", 0) + 1})
+    if run.stage is None:
+        return counts
+    return replace(
+        counts,
+        units=items.sorted,
+        first_pass=min(counts.first_pass, items.sorted),
+        misplaced=max(items.misplaced - crushed, 0),
+        crushed=crushed,
     )
 
 

@@ -385,11 +385,18 @@ class BinExchange:
         self._worked = 0.0
         self._done[each.id] += 1
         number = self._done[each.id]
+        assert self._exchange is not None
         tote = self._totes.get(each.id)
         other = "a full" if tote is not None and tote.fill() else "an empty"
         message = f"{each.id} is exchanged for {other} one, with {_counted(len(inside))} in it"
         self._events.append(
-            event_types.BinExchangedEvent(message, bin=each.id, items=len(inside), number=number)
+            event_types.BinExchangedEvent(
+                message,
+                bin=each.id,
+                items=len(inside),
+                number=number,
+                by="person" if self._exchange.by == "person" else None,
+            )
         )
 
 

@@ -214,6 +214,7 @@ class BinExchangedEvent(JournalEvent, kind="bin_exchanged"):
     bin: Annotated[str, "id of the bin"]
     items: Annotated[int, "number of items that left with the bin"]
     number: Annotated[int, "number of the exchange"]
+    by: Annotated[str | None, "`person` when a person exchanges the scene's bins"] = None
 
 
 class CrushedEvent(JournalEvent, kind="crushed"):

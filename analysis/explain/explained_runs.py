@@ -6,12 +6,12 @@ import json
 import shlex
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from picktree.analysis import Run
 from picktree.files import Paint, PicktreeError, listed, plain
-from picktree.logs import episode_counts, log_files, run_index
+from picktree.logs import FigureCounts, OperatorFigures, episode_counts, log_files, run_index
 
 from .explanation import CONFIDENCES, Confidence, RootCause, counted, wrapped
 from .run_explanation import explain
@@ -54,6 +54,8 @@ class ExplainedRuns:
     """Sentences about logs that could not be read."""
     notes: tuple[str, ...] = ()
     """Sentences about what the counts leave out, such as jobs without logs."""
+    figures: OperatorFigures = field(default_factory=lambda: OperatorFigures(()))
+    """Operators' figures of the runs together."""
 
     @property
     def runs(self) -> int:
@@ -83,7 +85,7 @@ def explain_runs(
         raise PicktreeError(f"{folder}: no log in it; give a log, a run's folder, or a folder of runs")
     statuses: Counter[str] = Counter()
     cures: list[episode_counts.CureCount] = []
-    items = (0, 0)
+    items, figures = (0, 0), list[FigureCounts]()
     found: dict[str, list[tuple[RootCause, bool, str]]] = {}
     unreadable: list[str] = []
     for number, log in enumerate(logs, 1):
@@ -91,11 +93,13 @@ def explain_runs(
         try:
             with Run(log) as run:
                 explanation = explain(run, items=False)
+                counts = run.operator_figures.runs
         except PicktreeError as error:
             unreadable.append(str(error))
             continue
         statuses[explanation.outcome.status] += 1
         cures += explanation.recovery.cures
+        figures += counts
         items = (
             items[0] + (explanation.outcome.items_sorted or 0),
             items[1] + (explanation.outcome.items_total or 0),
@@ -113,6 +117,7 @@ def explain_runs(
         counts,
         tuple(unreadable),
         tuple(notes),
+        OperatorFigures(tuple(figures)),
     )
 
 
@@ -143,6 +148,11 @@ def _lines(found: ExplainedRuns, program: str, paint: Paint) -> Iterator[str]:
     yield from wrapped(f"{counted(found.runs, 'run')} in {found.folder}: {ends}{items}", "")
     for sentence in (*found.notes, *found.unreadable):
         yield from wrapped(f"Note: {sentence}", "")
+    if found.figures.runs:
+        yield ""
+        yield paint("Operators' figures", "place")
+        for title, text in found.figures.lines():
+            yield from wrapped(f"{title:<8}{text}", "  ", " " * 10)
     if found.causes:
         yield ""
         yield from _roots(found, program, paint)
@@ -174,6 +184,7 @@ def runs_json_text(found: ExplainedRuns) -> str:
         "runs": found.runs,
         "statuses": dict(found.statuses),
         "items": {"sorted": found.items[0], "total": found.items[1]},
+        "figures": found.figures.to_json(),
         "causes": causes,
         "cures": [asdict(cure) for each in found.cures for cure in each.by_cure],
         "unreadable": list(found.unreadable),

@@ -11,7 +11,7 @@ import orjson
 
 from picktree.analysis import Run
 from picktree.analysis.explain import FailureStory
-from picktree.logs import log_records, node_visits
+from picktree.logs import ESTIMATES, log_records, node_visits
 from picktree.world import Candidate, Plan, event_fields, event_types
 
 from .table_files import Column, ColumnDoc, columns, row_of, row_type
@@ -216,6 +216,12 @@ def run_rows(run: Run) -> Iterator[RunRow]:
         yield RunRow("items.total", str(run.result.items.total))
         yield RunRow("items.sorted", str(run.result.items.sorted))
         yield RunRow("digest", run.result.digest)
+    figures = run.operator_figures
+    for name in ESTIMATES:
+        yield RunRow(f"figures.{name}", repr(getattr(figures, name).value))
+    yield RunRow("figures.first_pass_yield", repr(figures.first_pass_yield.share))
+    for use, share in figures.utilisation.items():
+        yield RunRow(f"figures.utilisation.{use}", repr(share.value))
 
 
 R = TypeVar("R")

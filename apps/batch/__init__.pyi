@@ -26,7 +26,6 @@ from .plan import (
     plan_of as plan_of,
     plan_schema as plan_schema,
 )
-from .rates import Rate as Rate, rate as rate
 from .report import to_junit as to_junit, write_report as write_report
 from .rerun import rerun_job as rerun_job
 from .store import (

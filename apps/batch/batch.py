@@ -15,6 +15,7 @@ from typing import Literal, Protocol, TypeAlias
 from picktree.analysis import Run
 from picktree.files import PicktreeError
 
+from .batch_decision import decisions
 from .executor import Event, Executor, JobFailed, JobFinished, JobOrder, JobStopped
 from .job_process import OUTPUT_FILE
 from .plan import BatchPlan, Job, jobs_of, read_plan, write_plan
@@ -117,6 +118,8 @@ class Batch:
         self._by_id = {job.id: job for job in jobs}
         self._stop: Stop = "no"
         self._full = False
+        self.decided = False
+        """Whether the recipes were distinguished, in a batch that runs until then."""
 
     @classmethod
     def create(cls, folder: Path, plan: BatchPlan) -> Batch:
@@ -173,23 +176,25 @@ class Batch:
     def run(self, executor: Executor, onlooker: BatchWatcher) -> bool:
         """Run all open jobs, each seed with all variants. Return False when stopped before the end.
 
-        A stopped batch then has the same seeds of each variant, but for the last. Raises PicktreeError when
-        results cannot be written, or the disk is full; --resume continues.
+        A plan `until: decided` ends when the recipes are distinguished. A stopped batch then has the same
+        seeds of each variant, but for the last. Raises PicktreeError when results cannot be written, or the
+        disk is full; --resume continues.
         """
         self._take_in()
         to_do, tried = self.store.to_do(), self.store.lost_tries()
         jobs = sorted(self.jobs, key=lambda job: job.number % len(self.plan.seeds))
         waiting = deque((job, 1 + tried.get(job.id, 0)) for job in jobs if job.id in to_do)
+        self._decide()
         onlooker.started(len(self.jobs), self.store.recorded(), executor.slots)
         under_way: dict[str, JobOrder] = {}
         reported: Stop = "no"
-        while waiting or under_way:
+        while (waiting and not self.decided) or under_way:
             if self._stop != reported:
                 reported = self._stop
                 onlooker.stopping(len(under_way))
                 if reported == "now":
                     executor.stop()
-            while self._stop == "no" and waiting and len(under_way) < executor.slots:
+            while self._stop == "no" and waiting and not self.decided and len(under_way) < executor.slots:
                 if not self._has_disk_space():
                     self._full = True
                     self.finish()
@@ -204,6 +209,7 @@ class Batch:
                 ended = self._record_event(event, onlooker)
                 if ended is not None:
                     onlooker.ended(ended)
+                    self._decide()
                 else:
                     job = self._by_id[order.job]
                     waiting.appendleft((job, 1 + self.store.lost_tries().get(job.id, 0)))
@@ -213,7 +219,12 @@ class Batch:
                 f"{self.folder}: less than {_MIN_FREE_BYTES / 1e6:.0f} MB are left on its disk, "
                 f"so no further job is begun; free some space, and continue with --resume {self.folder}"
             )
-        return not waiting
+        return self.decided or not waiting
+
+    def _decide(self) -> None:
+        """Look whether the recipes are distinguished. A decision stays: jobs under way do not undo it."""
+        if self.plan.until == "decided" and not self.decided:
+            self.decided = all(each.result.decided for each in decisions(self.store, self.plan))
 
     def _record_event(self, event: Event, onlooker: BatchWatcher) -> RecordedJob | None:
         """Record the result of an event; return None when its job is still to be run."""

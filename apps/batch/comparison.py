@@ -22,24 +22,31 @@ from numpy.typing import NDArray
 from picktree.analysis import Run
 from picktree.analysis.compare import Alignment, Divergence, align, message_differences, run_diff
 from picktree.files import PicktreeError
-from picktree.logs import arithmetic_record, node_visits
+from picktree.logs import (
+    CONFIDENCE,
+    FigureCounts,
+    Interval,
+    OperatorFigures,
+    Rate,
+    TimeToDone,
+    arithmetic_record,
+    node_visits,
+    rate,
+)
 
 from .executor import Executor
 from .local_executor import LocalExecutor
 from .rates import (
-    CONFIDENCE,
     SIGNIFICANCE_LEVEL,
-    Interval,
     Paired,
-    Rate,
     difference_of_paired_rates,
     difference_of_rates,
     equal_rates_p,
     holm,
     paired,
-    rate,
 )
 from .rerun import remake_into
+from .sequential_tests import SequentialResult, compare_sequentially
 from .store import RESULTS_FILE, Store, choose_label, split
 
 
@@ -58,6 +65,8 @@ class JobOutcome:
     """Folder of the log, relative to the batch's folder; empty when it was not kept."""
     causes: Mapping[str, int] = field(default_factory=dict[str, int])
     """Number of failures of the job by cause."""
+    figures: FigureCounts | None = None
+    """Counts of the operators' figures; None after a crash."""
 
     @property
     def failures(self) -> int:
@@ -108,11 +117,14 @@ def read_recipe(where: str) -> RecipeOutcomes:
         ).rows
         failures: Any = store.query("SELECT job, cause, count(*) FROM failures GROUP BY job, cause").rows
         versions: Any = store.query("SELECT job, library, version FROM versions").rows
+        figures = store.figures()
     causes: dict[str, Counter[str]] = {}
     for job, cause, count in failures:
         causes.setdefault(job, Counter())[cause] = count
     found = {
-        seed: JobOutcome(job, seed, bool(success), *rest, causes=causes.get(job, Counter()))
+        seed: JobOutcome(
+            job, seed, bool(success), *rest, causes=causes.get(job, Counter()), figures=figures.get(job)
+        )
         for variant, job, seed, success, *rest in jobs
         if variant == label
     }
@@ -269,6 +281,34 @@ class Criterion:
 
 
 @dataclass(frozen=True, slots=True)
+class CurveDifference:
+    """Greatest distance of two curves of time to done, and the test by Kolmogorov and Smirnov."""
+
+    distance: float
+    """Greatest difference of both shares, 0 … 1."""
+    p_value: float
+    """Two-sided p value for independent units."""
+    time: float
+    """Time at which the curves are farthest apart, simulated s; inf: after the last unit."""
+
+
+def curve_difference(a: TimeToDone, b: TimeToDone) -> CurveDifference | None:
+    """Compare two curves of time to done; failed units count as never done. None without units of both."""
+    if not (a.ended and b.ended):
+        return None
+    from scipy import stats
+
+    test: Any = stats
+    never = 2 * max((*a.times, *b.times, 1.0))
+    samples = [(*each.times, *([never] * (each.ended - len(each.times)))) for each in (a, b)]
+    found: Any = test.ks_2samp(*samples)
+    place = float(found.statistic_location)
+    return CurveDifference(
+        float(found.statistic), min(float(found.pvalue), 1.0), math.inf if place >= never else place
+    )
+
+
+@dataclass(frozen=True, slots=True)
 class CauseChange:
     """Difference in failures of one cause, per job."""
 
@@ -308,6 +348,12 @@ class RecipeComparison:
     """Number of seeds that both have."""
     alone: int
     """Number of seeds that only one of them has."""
+    figures: tuple[OperatorFigures, OperatorFigures]
+    """Operators' figures of A and of B, over the compared jobs."""
+    to_done: CurveDifference | None
+    """Difference of the curves of time to done; None without units on both sides."""
+    sequence: SequentialResult | None
+    """Paired result that holds whenever the batch was stopped; None for independent jobs."""
     arithmetic: str = ""
     """Sentence when jobs were computed with different arithmetic, or it was not recorded; else empty."""
 
@@ -351,8 +397,15 @@ def compare_recipes(a: RecipeOutcomes, b: RecipeOutcomes, *, unpaired: bool = Fa
         tuple(_changed(x, y, a, b) for x, y in pairs if x.success != y.success),
         len(shared),
         len(set(a.outcomes) ^ set(b.outcomes)),
+        (figures_a := _figures(of_a), figures_b := _figures(of_b)),
+        curve_difference(figures_a.time_to_done, figures_b.time_to_done),
+        compare_sequentially([(x.success, y.success) for x, y in pairs]) if by_seed else None,
         _arithmetic_difference(a, b),
     )
+
+
+def _figures(outcomes: Iterable[JobOutcome]) -> OperatorFigures:
+    return OperatorFigures(tuple(each.figures for each in outcomes if each.figures is not None))
 
 
 def _arithmetic_difference(a: RecipeOutcomes, b: RecipeOutcomes) -> str:
@@ -566,6 +619,8 @@ def _lines(found: RecipeComparison, program: str) -> Iterator[str]:
     if table is not None:
         counts = f"both {table.both}, only A {table.only_a}, only B {table.only_b}, neither {table.neither}"
         yield f"goal by seed: {counts}"
+    if found.sequence is not None:
+        yield f"anytime-valid: {found.sequence.to_text()}"
     yield ""
     better = [f"{c.better} {c.words}" for c in found.criteria if c.better]
     yield "so: " + ("; ".join(better) or _undecided(found))
@@ -576,6 +631,7 @@ def _lines(found: RecipeComparison, program: str) -> Iterator[str]:
             yield _difference_row(change.cause, change.difference, change.adjusted)
         if len(found.causes) > _MAX_NAMED_CAUSES:
             yield f"and {len(found.causes) - _MAX_NAMED_CAUSES} causes more"
+    yield from _figure_lines(found)
     if found.changed:
         yield ""
         yield f"{len(found.changed)} seeds changed sides"
@@ -589,6 +645,25 @@ def _lines(found: RecipeComparison, program: str) -> Iterator[str]:
             yield (
                 f"seeds without a log: {len(lacking)}; --remake runs them again and shows where they diverge"
             )
+
+
+def _figure_lines(found: RecipeComparison) -> Iterator[str]:
+    """Yield the operators' figures of both, and the difference of the curves of time to done."""
+    a, b = (dict(each.lines()) if each.runs else {} for each in found.figures)
+    if not (a or b):
+        return
+    yield ""
+    yield "operators' figures"
+    for title in dict.fromkeys((*a, *b)):
+        yield f"  {title:<8}A  {a.get(title, 'none')}"
+        yield f"  {'':<8}B  {b.get(title, 'none')}"
+    curves = found.to_done
+    if curves is not None:
+        place = f" at {curves.time:.1f} s" if math.isfinite(curves.time) else ""
+        yield (
+            f"  the curves of time to done differ by up to {100 * curves.distance:.0f} %{place}, "
+            f"p {_p(curves.p_value)} (Kolmogorov–Smirnov)"
+        )
 
 
 def _undecided(found: RecipeComparison) -> str:
@@ -656,7 +731,18 @@ def _json(found: RecipeComparison) -> dict[str, Any]:
         },
         "causes": {c.cause: {**_difference_json(c.difference), "holm": c.adjusted} for c in found.causes},
         "changed": [asdict(c) for c in found.changed],
+        "figures": {"a": found.figures[0].to_json(), "b": found.figures[1].to_json()},
+        "sequence": None
+        if found.sequence is None
+        else {**asdict(found.sequence), "p": found.sequence.p_value},
+        "to_done": _curves_json(found.to_done),
     }
+
+
+def _curves_json(found: CurveDifference | None) -> dict[str, Any] | None:
+    if found is None:
+        return None
+    return {**asdict(found), "time": found.time if math.isfinite(found.time) else None}
 
 
 def _difference_json(found: MeanDifference) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
@@ -39,6 +40,12 @@ if TYPE_CHECKING:
 
 Keep: TypeAlias = Literal["all", "failures", "none"]
 """Logs that are kept."""
+
+
+Question: TypeAlias = Literal["goal", "units"]
+"""Comparison by the share of goals reached, or by the units an hour of each seed."""
+DEFAULT_MARGIN = 0.1
+"""Difference within which two recipes count as equal, 0 … 1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,6 +206,18 @@ class BatchPlan(file_models.FileValue):
     """Amount of written data above which a job is ended, as 2 GB."""
     keep: Keep = "failures"
     """Jobs whose logs stay on the disk."""
+    until: Literal["all", "decided"] = "all"
+    """End of the batch: all jobs were run, or the recipes are distinguished."""
+    by: Question = "goal"
+    """Question that decides: goals reached, or units an hour."""
+    margin: Annotated[float, file_models.quantity("", above=0, most=1)] = DEFAULT_MARGIN
+    """Difference within which recipes count as equal: in the share of goals, or of seeds with more units."""
+
+    @property
+    def recipes(self) -> int:
+        """Number of combinations without the seed."""
+        lists = (self.missions, self.scenes, self.robots, self.faults, *self.settings.values())
+        return math.prod(map(len, lists))
 
     def variants(self) -> Iterator[Variant]:
         """Yield every combination; the last list changes fastest."""
@@ -221,6 +240,8 @@ class BatchPlan(file_models.FileValue):
         return ", ".join(words) or variant.mission.stem
 
 
+_ONE_RECIPE = "the plan has one recipe, and nothing to decide"
+_MORE_RECIPES = "give a setting, scene or mission at least two values"
 RECIPES = "recipes"
 """Folder of a batch with the recipes of its jobs, one for each variant."""
 
@@ -351,6 +372,8 @@ def plan_of(words: Mapping[str, object]) -> BatchPlan:
     faults = list(check_files_of(plan))
     if faults:
         raise FileError(faults)
+    if plan.until == "decided" and plan.recipes < 2:
+        raise PicktreeError(f"--until decided: {_ONE_RECIPE}: {_MORE_RECIPES}")
     for name in plan.settings:
         for message in _misfits(plan, name):
             raise PicktreeError(message)
@@ -372,6 +395,8 @@ def check_plan(document: Document) -> CheckedFile[BatchPlan]:
             if name is not None and name not in shipped and not file_system.is_file(Path(name)):
                 hint = suggest_name(Path(name).name, shipped)
                 check.fault((f"{what}s", number), f"there is no {what} file {name}", hint, code="P801")
+    if plan.until == "decided" and plan.recipes < 2:
+        check.fault(("until",), _ONE_RECIPE, _MORE_RECIPES, code="P801")
     if check.faults:
         return CheckedFile(None, tuple(check.faults))
     faults = list(check_files_of(plan))

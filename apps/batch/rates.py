@@ -1,4 +1,4 @@
-"""Rates and differences of rates with intervals, and tests of both.
+"""Differences of rates with intervals, and tests of both.
 
 scipy computes the tests. A rate alone does not load it: every batch has rates, and loading takes longer than
 some of its jobs.
@@ -9,56 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from statistics import NormalDist
 
-CONFIDENCE = 0.95
+from picktree.logs import Interval, Rate, rate
+
 SIGNIFICANCE_LEVEL = 0.05
 """Significance level of a family of tests: its probability of a false finding."""
 _MAX_BOSCHLOO_JOBS = 400
 """Maximum number of jobs of both sides for Boschloo's test; with more, Fisher's is faster and as good."""
-
-
-@dataclass(frozen=True, slots=True)
-class Interval:
-    low: float
-    high: float
-
-
-@dataclass(frozen=True, slots=True)
-class Rate:
-    """`successes` of `total`, with Wilson's 95 % interval for the share."""
-
-    successes: int
-    total: int
-    interval: Interval
-
-    @property
-    def share(self) -> float | None:
-        """Share of successes; None for a total of 0."""
-        return self.successes / self.total if self.total else None
-
-    def __str__(self) -> str:
-        if not self.total:
-            return "0 of 0"
-        low, high = 100 * self.interval.low, 100 * self.interval.high
-        share = 100 * self.successes / self.total
-        return f"{self.successes} of {self.total} ({share:.1f} %, {low:.1f} … {high:.1f} %)"
-
-
-def rate(successes: int, total: int) -> Rate:
-    """Return the rate with Wilson's score interval (Wilson 1927, without continuity correction).
-
-    >>> print(rate(480, 480))
-    480 of 480 (100.0 %, 99.2 … 100.0 %)
-    """
-    if total == 0:
-        return Rate(0, 0, Interval(0.0, 1.0))
-    share, z = successes / total, NormalDist().inv_cdf((1 + CONFIDENCE) / 2)
-    middle = (2 * successes + z**2) / (2 * (total + z**2))
-    half = z * math.sqrt(4 * successes * (1 - share) + z**2) / (2 * (total + z**2))
-    low = middle - half if successes else 0.0
-    high = middle + half if successes < total else 1.0
-    return Rate(successes, total, Interval(low, high))
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +79,20 @@ def equal_rates_p(a: Rate, b: Rate) -> float:
     if a.total + b.total > _MAX_BOSCHLOO_JOBS:
         return float(stats.fisher_exact(table).pvalue)
     return min(float(stats.boschloo_exact(table).pvalue), 1.0)
+
+
+def fisher_p(a: Rate, b: Rate) -> float:
+    """Return the two-sided p value of Fisher's exact test that both shares are equal.
+
+    It is faster than Boschloo's and has less power; a ranking makes many tests.
+    """
+    good = a.successes + b.successes
+    if not a.total or not b.total or good in (0, a.total + b.total):
+        return 1.0
+    from scipy import stats
+
+    table = [[a.successes, b.successes], [a.total - a.successes, b.total - b.successes]]
+    return min(float(stats.fisher_exact(table).pvalue), 1.0)
 
 
 def holm(p_values: Sequence[float]) -> tuple[float, ...]:

@@ -13,9 +13,9 @@ from urllib.parse import quote
 from picktree.analysis import Run
 from picktree.analysis.report import write_report as write_run_report
 from picktree.files import JunitCase, Outcome, PicktreeError, file_system, junit_text
+from picktree.logs import rate
 
 from .plan import Job, read_plan
-from .rates import rate
 from .store import RESULTS_FILE, Store
 from .summary import WorstJob, summarise
 from .tables import CELL_SIZE, JobRow
@@ -45,7 +45,7 @@ def write_report(folder: Path, output: Path, runs: int = 5) -> None:
 
 def _data(folder: Path, store: Store, output: Path, runs: int) -> dict[str, Any]:
     summary = summarise(store)
-    rates: Any = store.query("SELECT variant, rate FROM picks_an_hour").rows
+    rates: Any = store.query("SELECT variant, rate FROM units_an_hour").rows
     reports = _reports(folder, summary.worst, runs)
     done = summary.total - summary.waiting
     reached = rate(sum(r.success.successes for r in summary.recipes), done)

@@ -16,6 +16,7 @@ from picktree.world import ObjectId, Vector3
 
 from .tables import (
     EpisodeRow,
+    FigureRow,
     JobFailureRow,
     JobItemRow,
     JobPickRow,
@@ -25,6 +26,7 @@ from .tables import (
     JobTimingRow,
     Phase,
     PlantedRow,
+    TimeToDoneRow,
 )
 
 _PHASES: dict[str, Phase] = {
@@ -78,6 +80,11 @@ def collect_run_rows(execution: Execution, folder: Path, attempts: int) -> JobRo
             ),
             plans=tuple(table_files.row_of(JobPlanRow, at.record, time=at.time) for at in run.plans),
             timings=_timings(run, explanation.failures),
+            figures=tuple(FigureRow.of(counts) for counts in run.operator_figures.runs),
+            times_to_done=tuple(
+                TimeToDoneRow(number, seconds)
+                for number, seconds in enumerate(run.operator_figures.total.times)
+            ),
             versions={
                 **run.info.versions,
                 **run.info.arithmetic.words(),

@@ -17,10 +17,10 @@ from typing import TypeAlias
 
 from picktree.analysis.export import table_files
 from picktree.files import PicktreeError, suggest_name
-from picktree.logs import PandasTable
+from picktree.logs import FigureCounts, PandasTable
 
 from .plan import Job, Variant
-from .tables import CHILDREN, TABLES, VERSION, VIEWS, CrashRow, JobRow, JobRows, TableOf, schema
+from .tables import CHILDREN, TABLES, VERSION, VIEWS, CrashRow, FigureRow, JobRow, JobRows, TableOf, schema
 
 Read: TypeAlias = Callable[[TableOf], Iterator[tuple[table_files.Cell, ...]]]
 
@@ -229,6 +229,23 @@ class Store:
         names = ", ".join(field.name for field in fields(JobRow))
         found = self._connection.execute(f"SELECT {names} FROM jobs WHERE {condition}", values)
         return tuple(JobRow(*row) for row in found)
+
+    def figures(self) -> Mapping[str, FigureCounts]:
+        """Return the counts of the operators' figures by job, in the order of the plan; none of crashed
+        jobs."""
+        names = ", ".join(f"figures.{each.name}" for each in fields(FigureRow))
+        times: dict[str, list[float]] = {}
+        for job, seconds in self._connection.execute(
+            "SELECT job, seconds FROM times_to_done ORDER BY job, unit"
+        ):
+            times.setdefault(job, []).append(seconds)
+        found = self._connection.execute(
+            f"SELECT job, sim_seconds, {names} FROM jobs JOIN figures USING (job) ORDER BY number"
+        )
+        return {
+            job: FigureRow(*row).counts(seconds or 0.0, tuple(times.get(job, ())))
+            for job, seconds, *row in found
+        }
 
     def versions(self, job: str) -> dict[str, str]:
         """Return the versions of the libraries that a job was run with."""

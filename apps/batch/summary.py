@@ -12,37 +12,18 @@ from dataclasses import asdict, astuple, dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+from picktree.logs import FigureCounts, Interval, OperatorFigures, Rate, episode_counts, rate
 
-from picktree.logs import episode_counts
-
-from .rates import Rate, rate
+from .batch_decision import RecipeDecision, decisions
+from .failure_drivers import DriverRanking, rank_drivers
+from .plan import PLAN_FILE, read_plan
+from .sequential_tests import rate_sequence
 from .store import Store
 from .tables import CELL_SIZE, Phase, cell_of
 
 PHASES: tuple[Phase, ...] = ("observe", "think", "move", "grasp", "place", "recover", "other")
 _MAX_NAMED_PLACES = 5
 """Number of places in the text, the worst first."""
-
-
-@dataclass(frozen=True, slots=True)
-class Spread:
-    """Median and quartiles."""
-
-    median: float
-    low: float
-    high: float
-
-    @classmethod
-    def of(cls, values: list[float]) -> Spread | None:
-        """Return the spread of the values; None without values."""
-        if not values:
-            return None
-        low, median, high = np.percentile(values, (25, 50, 75)).tolist()
-        return cls(median, low, high)
-
-    def __str__(self) -> str:
-        return f"{self.median:.0f} ({self.low:.0f} … {self.high:.0f})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +38,10 @@ class RecipeSummary:
     first_try: Rate
     """Share of grasped objects that were held at the first attempt."""
     crashed: int
-    picks_an_hour: Spread | None
-    """Picks per simulated hour, over jobs."""
+    sequence: Interval | None
+    """Confidence sequence of the share of jobs with the goal reached, while jobs wait; None afterwards."""
+    figures: OperatorFigures
+    """Operators' figures over the jobs that have a result."""
     phases: Mapping[Phase, float]
     """Simulated time for each held object, s."""
 
@@ -157,6 +140,10 @@ class BatchSummary:
     together: Breakdown
     by_recipe: tuple[Breakdown, ...]
     worst: tuple[WorstJob, ...]
+    ranking: DriverRanking
+    """Drivers of failure, the clearest and strongest first."""
+    decisions: tuple[RecipeDecision, ...] = ()
+    """Comparisons of a batch that runs until its recipes are distinguished."""
 
     @property
     def causes(self) -> tuple[CauseTotal, ...]:
@@ -177,7 +164,12 @@ class BatchSummary:
             "waiting": self.waiting,
             "recipes": [_recipe_json(recipe) for recipe in self.recipes],
             **_breakdown_json(self.together),
+            "decisions": [
+                {"a": d.label_a, "b": d.label_b, **asdict(d.result), "p": d.result.p_value}
+                for d in self.decisions
+            ],
             "by_recipe": {each.label: _breakdown_json(each) for each in self.by_recipe},
+            **self.ranking.to_json(),
             "worst": [asdict(w) for w in self.worst],
         }
 
@@ -187,15 +179,20 @@ class BatchSummary:
 
 def _lines(found: BatchSummary) -> Iterator[str]:
     yield f"{found.total - found.waiting} of {found.total} jobs run"
+    yield from (decision.to_text() for decision in found.decisions)
     for recipe in found.recipes:
         yield ""
         yield recipe.label
         crashed = f", {recipe.crashed} crashed" if recipe.crashed else ""
         yield f"  goal reached  {recipe.success}{crashed}"
+        if recipe.sequence is not None:
+            low, high = 100 * recipe.sequence.low, 100 * recipe.sequence.high
+            yield f"                {low:.1f} … {high:.1f} % at any time, however often one looks"
         yield f"  items sorted  {recipe.items}"
         if recipe.first_try.total:
             yield f"  first grasps  {recipe.first_try} held"
-        yield f"  picks an hour {recipe.picks_an_hour or 'none'} simulated; median and quartiles over jobs"
+        for title, text in recipe.figures.lines() if recipe.figures.runs else ():
+            yield f"  {title:<13} {text}"
         split = [f"{phase} {recipe.phases[phase]:.2f}" for phase in PHASES if phase in recipe.phases]
         if split:
             yield f"  s a pick      {', '.join(split)}"
@@ -223,6 +220,8 @@ def _lines(found: BatchSummary) -> Iterator[str]:
         yield f"items sorted  by form: {_shares(together.forms)}"
         yield f"              by colour: {_shares(together.colours)}"
         yield f"              by place: {_worst_places(together.places)}"
+    for number, line in enumerate(found.ranking.lines()):
+        yield from ("", line) if number == 0 else (line,)
     if found.worst:
         yield ""
         yield "missed their goal"
@@ -296,7 +295,8 @@ def _recipe_json(recipe: RecipeSummary) -> dict[str, Any]:
         "label": recipe.label,
         **{name: _rate_json(getattr(recipe, name)) for name in ("success", "items", "first_try")},
         "crashed": recipe.crashed,
-        "picks_an_hour": None if recipe.picks_an_hour is None else asdict(recipe.picks_an_hour),
+        "sequence": None if recipe.sequence is None else asdict(recipe.sequence),
+        "figures": recipe.figures.to_json(),
         "seconds_a_pick": dict(recipe.phases),
     }
 
@@ -337,7 +337,7 @@ _WORST = 10
 def summarise(store: Store) -> BatchSummary:
     """Summarise a batch. Raises PicktreeError when the results cannot be read."""
     ((total, waiting),) = _rows(store, "SELECT count(*), coalesce(sum(status = 'waiting'), 0) FROM jobs")
-    recipes = _recipes(store)
+    recipes = _recipes(store, ended=not waiting)
     by_recipe, together = _breakdowns(store, [recipe.label for recipe in recipes])
     worst = _rows(
         store,
@@ -351,19 +351,29 @@ def summarise(store: Store) -> BatchSummary:
         together,
         by_recipe,
         tuple(WorstJob(*row) for row in worst),
+        rank_drivers(store),
+        _decisions(store),
     )
 
 
-def _recipes(store: Store) -> tuple[RecipeSummary, ...]:
+def _decisions(store: Store) -> tuple[RecipeDecision, ...]:
+    if not (store.path.parent / PLAN_FILE).is_file():
+        return ()
+    plan = read_plan(store.path.parent)
+    return decisions(store, plan) if plan.until == "decided" else ()
+
+
+def _recipes(store: Store, *, ended: bool) -> tuple[RecipeSummary, ...]:
     counts = _rows(
         store,
         "SELECT variant, count(*), sum(status = 'success'), sum(status = 'crashed'), "
         "coalesce(sum(items_sorted), 0), coalesce(sum(items_total), 0) "
         "FROM jobs WHERE status <> 'waiting' GROUP BY variant ORDER BY min(number)",
     )
-    rates: defaultdict[str, list[float]] = defaultdict(list)
-    for variant, value in _rows(store, "SELECT variant, rate FROM picks_an_hour"):
-        rates[variant].append(value)
+    counts_by_job, figures = store.figures(), defaultdict[str, list[FigureCounts]](list)
+    for job in store.jobs():
+        if job.id in counts_by_job:
+            figures[job.variant.label].append(counts_by_job[job.id])
     first = {
         variant: rate(held, objects)
         for variant, objects, held in _rows(store, "SELECT variant, objects, held_at_first FROM first_try")
@@ -379,7 +389,8 @@ def _recipes(store: Store) -> tuple[RecipeSummary, ...]:
             rate(items_sorted, items_total),
             first.get(label, rate(0, 0)),
             crashed,
-            Spread.of(rates[label]),
+            None if ended else rate_sequence(successes, jobs),
+            OperatorFigures(tuple(figures[label])),
             spent[label],
         )
         for label, jobs, successes, crashed, items_sorted, items_total in counts

@@ -6,14 +6,14 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Final, Literal, TypeAlias
+from typing import Annotated, Any, Final, Literal, TypeAlias
 
 from pydantic import TypeAdapter, ValidationError
 
 from picktree.analysis.explain import FailureStory
 from picktree.analysis.export import columns, row_type, table_files
 from picktree.files import PicktreeError
-from picktree.logs import RunStatus
+from picktree.logs import ACTIVITIES, Assist, FigureCounts, RunStatus
 from picktree.world import Plan, event_types
 
 CELL_SIZE = 0.05
@@ -42,7 +42,7 @@ def _read_views() -> tuple[SqlView, ...]:
 
 
 VIEWS = _read_views()
-VERSION = 3
+VERSION = 4
 """Version of tables and views, in `PRAGMA user_version`."""
 Phase: TypeAlias = Literal["observe", "think", "move", "grasp", "place", "recover", "other"]
 JobStatus: TypeAlias = RunStatus | Literal["crashed"]
@@ -153,6 +153,66 @@ class JobTimingRow:
 
 
 @dataclass(frozen=True, slots=True)
+class FigureRow:
+    """Counts of the operators' figures of a job."""
+
+    units: Annotated[int, table_files.ColumnDoc("number of items at their destination, as scored")]
+    entered: Annotated[int, table_files.ColumnDoc("number of items that were grasped or failed")]
+    first_pass: Annotated[
+        int, table_files.ColumnDoc("number of units without a grasp in vain and without a failure")
+    ]
+    set_aside: Annotated[int, table_files.ColumnDoc("number of items set aside")]
+    given_up: Annotated[int, table_files.ColumnDoc("number of items given up")]
+    misplaced: Annotated[int, table_files.ColumnDoc("number of misplaced items, without crushed ones")]
+    crushed: Annotated[int, table_files.ColumnDoc("number of crushed items")]
+    answers: Annotated[int, table_files.ColumnDoc("number of answers of a person")]
+    pauses: Annotated[int, table_files.ColumnDoc("number of pauses by a person")]
+    take_overs: Annotated[int, table_files.ColumnDoc("number of missions or values that a person put in")]
+    exchanges: Annotated[int, table_files.ColumnDoc("number of bins exchanged by hand")]
+    moving: Annotated[float, table_files.ColumnDoc("simulated time in which arm or fingers move", "s")]
+    thinking: Annotated[float, table_files.ColumnDoc("simulated time in which they rest to think", "s")]
+    feed: Annotated[float, table_files.ColumnDoc("simulated time of waiting for the feed", "s")]
+    recovering: Annotated[float, table_files.ColumnDoc("simulated time in handlers of failures", "s")]
+    person: Annotated[float, table_files.ColumnDoc("simulated time of waiting for a person", "s")]
+
+    @classmethod
+    def of(cls, counts: FigureCounts) -> FigureRow:
+        values: dict[str, Any] = {name: getattr(counts, name) for name in _COUNTS}
+        values |= {column: counts.assists.get(kind, 0) for kind, column in _ASSISTS.items()}
+        values |= {use: round(counts.activities.get(use, 0.0), 6) for use in ACTIVITIES}
+        return cls(**values)
+
+    def counts(self, seconds: float, times: tuple[float, ...]) -> FigureCounts:
+        """Return the counts; `seconds`: duration of the run, `times`: time to done of each unit, simulated
+        s."""
+        return FigureCounts(
+            seconds=seconds,
+            **{name: getattr(self, name) for name in _COUNTS},
+            assists={kind: n for kind, column in _ASSISTS.items() if (n := getattr(self, column))},
+            activities={use: spent for use in ACTIVITIES if (spent := getattr(self, use))},
+            times=times,
+        )
+
+
+_COUNTS = ("units", "entered", "first_pass", "set_aside", "given_up", "misplaced", "crushed")
+_ASSISTS: Mapping[Assist, str] = {
+    "answer": "answers",
+    "pause": "pauses",
+    "take_over": "take_overs",
+    "exchange": "exchanges",
+}
+"""Columns of `FigureRow` by the kind of assist."""
+
+
+@dataclass(frozen=True, slots=True)
+class TimeToDoneRow:
+    unit: Annotated[int, table_files.ColumnDoc("number of the unit, from 0, as the robot believes")]
+    seconds: Annotated[
+        float, table_files.ColumnDoc("simulated time from the end of the unit before to its own", "s")
+    ]
+
+
+@dataclass(frozen=True, slots=True)
 class CrashRow:
     attempt: Annotated[int, table_files.ColumnDoc("number of the attempt, from 1")]
     reason: Annotated[
@@ -202,6 +262,8 @@ class JobRows:
     planted: tuple[PlantedRow, ...] = ()
     plans: tuple[JobPlanRow, ...] = ()
     timings: tuple[JobTimingRow, ...] = ()
+    figures: tuple[FigureRow, ...] = ()
+    times_to_done: tuple[TimeToDoneRow, ...] = ()
     versions: dict[str, str] = field(default_factory=dict[str, str])
 
     def to_json(self) -> bytes:
@@ -299,6 +361,8 @@ TABLES = (
     ),
     _table("plans", "a request to the planner", JobPlanRow, index=("job",)),
     _table("timings", "a phase of a job", JobTimingRow, key=("job", "phase")),
+    _table("figures", "counts of the operators' figures of a job", FigureRow, key=("job",)),
+    _table("times_to_done", "a unit that was done", TimeToDoneRow, key=("job", "unit")),
     _table(
         "crashes",
         "an attempt at a job that gave no result, even if a later attempt gave one",

@@ -7,9 +7,9 @@ SELECT variant, count(*) AS jobs, sum(status = 'success') AS successes,
            sum(status = 'crashed') AS crashed, avg(sim_seconds) AS mean_sim_seconds
     FROM jobs WHERE status <> 'waiting' GROUP BY variant ORDER BY min(number);
 
-CREATE VIEW picks_an_hour AS  -- how many objects does each job hold in a simulated hour?
-SELECT job, variant, seed, picks_held * 3600.0 / sim_seconds AS rate
-    FROM jobs WHERE sim_seconds > 0 AND picks_held IS NOT NULL;
+CREATE VIEW units_an_hour AS  -- how many items does each job bring to their destination in a simulated hour?
+SELECT job, variant, seed, items_sorted * 3600.0 / sim_seconds AS rate
+    FROM jobs WHERE sim_seconds > 0 AND items_sorted IS NOT NULL;
 
 CREATE VIEW cycle_time AS  -- where does each recipe spend its time?
 WITH held AS (SELECT variant, sum(picks_held) AS picks FROM jobs GROUP BY variant)

@@ -142,8 +142,8 @@ class _Conversation:
                     self._say("`answer TEXT` answers, with the number of an answer or with its beginning")
             case {"told": text, "time": now}:
                 self._say(f"{now:8.2f} s  {text}")
-            case {"state": progress, "time": now, "node": node, "failures": failures}:
-                self._show_state(progress, now, node, failures)
+            case {"state": progress, "time": now, "node": node, "failures": failures, "figures": figures}:
+                self._show_state(progress, now, node, failures, figures)
                 return
             case {"end": status}:
                 self._status = status
@@ -152,9 +152,11 @@ class _Conversation:
                 return
         self._prompt()
 
-    def _show_state(self, progress: str, now: float, node: str, failures: list[str]) -> None:
+    def _show_state(self, progress: str, now: float, node: str, failures: list[str], figures: str) -> None:
         for failure in failures:
             self._say(f"{now:8.2f} s  {failure}")
+        if progress != self._shown[0]:
+            self._say(f"{now:8.2f} s  {figures}")
         if (progress, node) != self._shown:
             self._shown = (progress, node)
             self._say(f"{now:8.2f} s  {progress}, at {node}")

@@ -238,6 +238,7 @@ class AttachPrompt(DebugPrompt):
         if self._server.stopped:
             raise PicktreeError("the run is stopped already")
         self._debug.step()
+        self._server.count_pause()
         return True
 
     def _answer(self, text: str) -> bool:
@@ -313,6 +314,11 @@ class AttachServer(Interrupter):
         """Take over the mission of a file when the run is quiescent. Raises PicktreeError with its faults."""
         assert self._run is not None
         self.pending = mission_edits.read_replacement(self._run, file)
+
+    def count_pause(self) -> None:
+        """Count a pause of the run by a person."""
+        assert self._run is not None
+        self._run.tally.figures.assist("pause")
 
     def halt(self) -> None:
         """End the run after the present tick, with the arm at rest."""
@@ -502,7 +508,8 @@ class AttachServer(Interrupter):
             for node in report.nodes
             if node.cause and node.ticked and node.status == "FAILURE" and node.path in leaves
         ]
-        state = (self._run.tally.progress(total), deepest_running(report.nodes))
+        tally = self._run.tally
+        state = (tally.progress(total), deepest_running(report.nodes))
         if state == self._state and not failures and recent:
             return
         self._state, self._state_sent = state, time.monotonic()
@@ -513,6 +520,7 @@ class AttachServer(Interrupter):
                 "done": done,
                 "total": total,
                 "node": state[1],
+                "figures": tally.operator_figures(now).to_text(),
                 "failures": failures,
             },
             limit=STATE_BACKLOG,

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 _PLAN_OPTIONS = (
     *("seeds", "scene", "robot", "faults", "set_", "backend", "verify"),
-    *("limit", "wall_limit", "memory", "disk", "keep"),
+    *("limit", "wall_limit", "memory", "disk", "keep", "until", "by", "margin"),
 )
 """Options that a plan file replaces."""
 PlanArgument: TypeAlias = Annotated[
@@ -69,6 +69,17 @@ MemoryLimit: TypeAlias = Annotated[str, typer.Option(metavar="SIZE", help="Limit
 DiskLimit: TypeAlias = Annotated[str, typer.Option(metavar="SIZE", help="Limit of a job's written data.")]
 KeptLogs: TypeAlias = Annotated[
     Literal["all", "failures", "none"], typer.Option(help="Jobs whose logs are kept.")
+]
+EndOfBatch: TypeAlias = Annotated[
+    Literal["all", "decided"],
+    typer.Option(help="End of the batch: all jobs were run, or the recipes are distinguished."),
+]
+DecidedBy: TypeAlias = Annotated[
+    Literal["goal", "units"],
+    typer.Option(help="Question that decides: goals reached, or units an hour."),
+]
+Margin: TypeAlias = Annotated[
+    str, typer.Option(metavar="SHARE", help="Difference within which two recipes count as equal.")
 ]
 Workers: TypeAlias = Annotated[
     int | None, typer.Option(min=1, help="Maximum number of concurrent jobs.", show_default="one a core")
@@ -109,6 +120,9 @@ def run(
     memory: MemoryLimit = "4 GB",
     disk: DiskLimit = "10 GB",
     keep: KeptLogs = "failures",
+    until: EndOfBatch = "all",
+    by: DecidedBy = "goal",
+    margin: Margin = "0.1",
     workers: Workers = None,
     executor: ExecutorName = "local",
     address: ClusterAddress = None,
@@ -120,7 +134,8 @@ def run(
     """Run every combination of missions, scenes, faults and settings with every seed.
 
     The first Ctrl-C finishes the running jobs, the second stops immediately; --resume continues. Exit code 0:
-    every job reached its goal; 1: one did not.
+    every job reached its goal; 1: one did not. With --until decided 0: the recipes are distinguished; 1: all
+    seeds were not enough.
     """
     _require_one_source(context, plan, mission, resume)
     if address is not None and executor == "local":
@@ -149,6 +164,9 @@ def run(
             "memory": memory,
             "disk": disk,
             "keep": keep,
+            "until": until,
+            "by": by,
+            "margin": margin,
         }
         batch_plan = plan_of(_matrix(mission or [], faults or [], set_ or [], options))
     with _executor(executor, workers, address) as hands:
@@ -222,7 +240,8 @@ def _carry_out(made: Batch, executor: Executor, answer: TextIO | None, junit: Pa
             _show(made.folder, summary, complete)
     except OSError:  # nobody reads it
         discard(answer or sys.stdout)
-    end_with(summary.reached, "" if complete else "interrupted")
+    reached = made.decided if made.plan.until == "decided" else summary.reached
+    end_with(reached, "" if complete else "interrupted")
 
 
 def _show(folder: Path, summary: BatchSummary, complete: bool) -> None:
@@ -327,7 +346,7 @@ def summary(
     folder: Folder,
     json: Json = False,
 ) -> None:
-    """Print success with intervals, picks an hour, causes, and the worst jobs."""
+    """Print success with intervals, units an hour, causes, and the worst jobs."""
     from picktree.apps.batch import RESULTS_FILE, Store, summarise
 
     with Store(folder / RESULTS_FILE) as store:

@@ -12,7 +12,7 @@ from datetime import datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, Self, TextIO
 
-from picktree.apps.batch import Rate, rate
+from picktree.logs import Rate, rate
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -112,15 +112,17 @@ class LiveDisplay(RunDisplay):
             return
         self._drawn_at = wall
         elapsed = wall - self._began
+        tally = self._run.tally
         footer = (
-            f"{self._run.tally.progress(items_total)}   simulated {now:.1f} s   "
+            f"{tally.progress(items_total)}   simulated {now:.1f} s   "
             f"wall {elapsed:.1f} s   {now / max(elapsed, 1e-9):.1f} × real time"
         )
-        room = max(self._live.console.height - 4, 5)
+        figures = tally.operator_figures(now).to_text()
+        room = max(self._live.console.height - 5, 5)
         rows = tree_rows(node_states(self._structure, report.nodes), room)
         for row in rows:
             row.truncate(self._live.console.width, overflow="ellipsis")
-        self._live.update(Group(*rows, Text(), Text(footer, style="bold")), refresh=True)
+        self._live.update(Group(*rows, Text(), Text(footer, style="bold"), Text(figures)), refresh=True)
 
     def edited(self, run: Execution) -> None:
         self._structure = run.tree.structure()

@@ -457,8 +457,8 @@ class FollowedRun:
                 picture.set("breakpoints", breakpoints)
             case {"told": text, "time": now}:
                 picture.say(now, "told", text)
-            case {"state": text, "done": done, "total": total}:
-                picture.set("progress", {"text": text, "done": done, "total": total})
+            case {"state": text, "done": done, "total": total, "figures": figures}:
+                picture.set("progress", {"text": text, "done": done, "total": total, "figures": figures})
             case {"end": status}:
                 picture.set("status", status)
             case _:

@@ -38,6 +38,8 @@ SORT_COLUMNS: Final[Mapping[str, Callable[[run_index.RunRow], Any]]] = {
     "mission": lambda row: row.mission.lower() or None,
     "scene": lambda row: row.scene.lower() or None,
     "seed": lambda row: row.seed,
+    "units_an_hour": lambda row: row.units_an_hour,
+    "mtbf": lambda row: row.mtbf,
     "sorted": lambda row: None if row.sorted is None or not row.total else row.sorted / row.total,
     "lost": lambda row: row.lost,
     "seconds": lambda row: row.seconds,

@@ -2,11 +2,9 @@ import math
 
 import pytest
 
-from picktree.apps.batch import rate
 from picktree.apps.batch.comparison import paired_difference, unpaired_difference
 from picktree.apps.batch.plan import parse_seeds
 from picktree.apps.batch.rates import (
-    CONFIDENCE,
     difference_of_paired_rates,
     difference_of_rates,
     equal_rates_p,
@@ -14,6 +12,7 @@ from picktree.apps.batch.rates import (
     paired,
 )
 from picktree.files import PicktreeError
+from picktree.logs import CONFIDENCE, rate
 
 
 @pytest.mark.parametrize(("successes", "total"), [(0, 1), (1, 1), (0, 7), (1, 7), (7, 7), (977, 1000)])

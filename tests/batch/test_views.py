@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from picktree.apps.batch import Store, rate, summarise
+from picktree.apps.batch import Store, summarise
 from picktree.apps.batch.tables import EpisodeRow, JobPickRow, JobRows, JobTimingRow, PlantedRow
+from picktree.logs import rate
 
 from .test_store import ITEMS, MISSED, SLIP, SUCCESS, store
 
@@ -64,7 +65,7 @@ def results(tmp_path: Path) -> Iterator[Store]:
     ("sql", "rows"),
     [
         ("SELECT variant, jobs, successes FROM success", (("Grasp.force=A", 2, 1), ("Grasp.force=B", 1, 1))),
-        ("SELECT seed, rate FROM picks_an_hour ORDER BY rate", ((0, 240.0), (0, 720.0), (1, 720.0))),
+        ("SELECT seed, rate FROM units_an_hour ORDER BY rate", ((0, 240.0), (1, 360.0), (0, 720.0))),
         (
             "SELECT variant, phase, seconds, seconds_a_pick, share FROM cycle_time",
             (

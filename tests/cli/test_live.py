@@ -183,5 +183,6 @@ def test_live_view_tells_above_the_tree_and_leaves_nothing_behind(
     assert "    1.00 s  the edit is good\n" in drawn
     assert "    ▶ SafeRetreat" in drawn and "  ▶ Observe" not in drawn
     assert "1 of 4 items done   simulated 12.0 s   wall " in drawn
+    assert "\n300 units an hour, no failure, no assist" in drawn
     assert "  ▶ Observe" in edited
     assert file.getvalue().endswith("\x1b[2K")

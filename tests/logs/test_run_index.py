@@ -193,7 +193,8 @@ def test_the_command_lists_filters_and_prunes(runs: Path, capsys: pytest.Capture
     newest, first = rows(runs)
     assert answer(["runs", str(runs)]) == 0
     head, *lines = capsys.readouterr().out.splitlines()
-    assert head.split() == ["written", "status", "sorted", "lost", "s", "seed", "mission", "cause", "folder"]
+    names = "written status sorted units/h MTBF lost s seed mission cause folder"
+    assert head.split() == names.split()
     assert [line.split()[-1] for line in lines] == [newest.folder, first.folder]
     assert answer(["runs", str(runs), "--prune"]) == 2
     assert "choose them with --where CONDITION or --keep N" in capsys.readouterr().err

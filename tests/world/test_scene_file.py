@@ -324,7 +324,7 @@ def test_shipped_scenes_are_read_and_their_logged_text_gives_them_again(name: st
     loads = (*scene.spawn, *(delivery.load for delivery in scene.deliveries))
     assert all(load.number > 0 for load in loads)
     assert (sum(load.number for load in loads) > 0) is (name != "calibrating")
-    heaped = name in ("tote", "totes", "tote_of_items", "pile", "packed")
+    heaped = name in ("tote", "totes", "tote_of_items", "pile", "packed") or name.startswith("bin_to_bin")
     assert (scene.assortment is not None) == heaped
     forms = {scene.entry(kind).form for load in loads for kind in load.counts if kind != "assortment"}
     assert ("mesh" in forms) == name.startswith(("three_bins", "continuous", "belt", "parts"))

@@ -520,6 +520,8 @@ class Exchange(file_models.FileValue):
 
     takes: Annotated[float, file_models.quantity("s", above=0, most=3600)]
     """Duration of an exchange while the arm is out of the way."""
+    by: Literal["machine", "person"] = "machine"
+    """Worker of the exchange. Each exchange by a person counts as an assist."""
 
 
 @dataclass(frozen=True, slots=True)

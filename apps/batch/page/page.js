@@ -26,16 +26,29 @@ let chosen = data;
 
 const share = (rate) => (rate.total ? `${percent(rate.successes / rate.total)} (${interval(rate)})` : "none");
 
+// A mean time between events, as the texts have it.
+function between(found) {
+  if (found.value !== null) return `${duration(found.value)} (${duration(found.low)} … ${duration(found.high)})`;
+  return found.low ? `at least ${duration(found.low)}` : "none";
+}
+
+function duration(seconds) {
+  if (seconds < 120) return `${fixed(seconds, 1)} s`;
+  return seconds < 7200 ? `${fixed(seconds / 60, 1)} min` : `${fixed(seconds / 3600, 1)} h`;
+}
+
 function recipesTable() {
-  const head = ["recipe", "jobs", "goal reached", "items sorted", "first grasp held", "picks an hour", "crashed"];
+  const head = ["recipe", "jobs", "goal reached", "items sorted", "first grasp held", "units an hour", "MTBF", "first pass", "crashed"];
   const rows = data.recipes.map((recipe) => {
-    const spread = recipe.picks_an_hour;
+    const { units_an_hour: hourly, mtbf, first_pass_yield: first } = recipe.figures;
     const cells = [
       recipe.success.total,
       share(recipe.success),
       share(recipe.items),
       share(recipe.first_try),
-      spread ? `${fixed(spread.median, 0)} (${fixed(spread.low, 0)} … ${fixed(spread.high, 0)})` : "none",
+      hourly.value === null ? "none" : `${fixed(hourly.value, 0)} (${fixed(hourly.low, 0)} … ${fixed(hourly.high, 0)})`,
+      between(mtbf),
+      share(first),
       recipe.crashed,
     ];
     return element("tr", {}, element("td", {}, recipe.label),
@@ -121,7 +134,7 @@ function rates(width) {
     width,
     height: Math.max(150, 92 * labels.length + 50),
     marginLeft: 44,
-    x: { label: "picks in a simulated hour →", grid: true, nice: true },
+    x: { label: "units in a simulated hour →", grid: true, nice: true },
     y: { label: "jobs", grid: true },
     fy: { label: null, domain: labels, axis: null },
     marks: [
@@ -295,12 +308,38 @@ function shortened(text, width) {
   return text.length > most ? `…${text.slice(text.length - most + 1)}` : text; // recipes differ at their ends
 }
 
+// Values of factors by their effect on failures, and the runs to compare for the first.
+function drivers() {
+  const head = ["value", "failed with it", "with others", "difference", "p, Holm"];
+  const signed = (value) => `${value < 0 ? "" : "+"}${fixed(100 * value, 1)}`;
+  const rows = data.drivers.slice(0, 12).map((row) => {
+    const cells = [
+      `${row.failed.successes} of ${row.failed.total}`,
+      `${row.others.successes} of ${row.others.total}`,
+      `${signed(row.difference)} % (${signed(row.interval.low)} … ${signed(row.interval.high)})`,
+      row.adjusted < 0.001 ? "< 0.001" : fixed(row.adjusted, 3),
+    ];
+    const name = row.significant ? element("b", {}, row.name) : row.name;
+    return element("tr", {}, element("td", {}, name),
+      ...cells.map((text, n) => element("td", { class: "number", "data-head": head[n + 1] }, text)));
+  });
+  const header = head.map((text, n) => element("th", n ? { class: "number" } : {}, text));
+  const table = element("table", {}, element("thead", {}, element("tr", {}, ...header)), element("tbody", {}, ...rows));
+  const { pair } = data;
+  if (!pair) return table;
+  const seed = pair.same_seed ? `both with seed ${pair.seed}` : "of different seeds";
+  return element("div", {}, table,
+    element("p", {}, `Nearest failure and success for ${pair.driver}, ${seed}:`),
+    ...[...pair.remake, pair.diff, pair.whatif].map((command) => element("div", {}, element("code", {}, command))));
+}
+
 const byRate = (rows) => rows.filter((row) => row.rate.total);
 // What a figure draws from, and how; nothing to draw from, nothing to draw.
 const FIGURES = {
   success: [() => byRate(data.recipes.map((r) => ({ label: r.label, rate: r.success }))), shares],
   rates: [() => data.rates, (rows, width) => rates(width)],
   phases: [() => data.recipes.filter((r) => Object.keys(r.seconds_a_pick).length), (rows, width) => phases(width)],
+  drivers: [() => data.drivers, () => drivers()],
   roots: [() => chosen.roots, () => roots()],
   cures: [() => [...chosen.cures, ...chosen.planted], () => cures()],
   causes: [() => chosen.causes, (rows, width) => causes(width)],
@@ -308,7 +347,7 @@ const FIGURES = {
   colours: [() => byRate(chosen.colours), shares],
   places: [() => chosen.places, (rows, width) => places(width)],
 };
-const NOTHING = { roots: "No root cause was found.", causes: "Nothing failed.", cures: "Nothing failed." };
+const NOTHING = { drivers: "Nothing failed, or no factor has two values.", roots: "No root cause was found.", causes: "Nothing failed.", cures: "Nothing failed." };
 
 function draw() {
   for (const [id, [rowsOf, figure]] of Object.entries(FIGURES)) {

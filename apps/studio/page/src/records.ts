@@ -31,6 +31,11 @@ export interface RunRow {
   misplaced: number | null;
   held: number | null;
   seconds: number | null;
+  units_an_hour: number | null;
+  first_pass: number | null;
+  mtbf: number | null;
+  mtbf_a: number | null;
+  assists: number | null;
   lost: number | null;
   cause: string;
   causes: string[];

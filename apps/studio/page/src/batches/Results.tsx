@@ -1,7 +1,7 @@
 // Results of a batch: rates with their intervals, causes as a Pareto chart, the table as a heat map.
 
 import type { Asked, BatchSummary, Breakdown, Rate } from "./values";
-import { percent, words } from "./values";
+import { hourly, percent, words } from "./values";
 import { counted } from "../ui/words";
 
 export function Results({ summary, label, onAsk }: { summary: BatchSummary; label: string; onAsk(asked: Asked): void }) {
@@ -11,7 +11,7 @@ export function Results({ summary, label, onAsk }: { summary: BatchSummary; labe
       <section className="card wide">
         <h2>Goal reached</h2>
         <p className="muted">Share of jobs, with Wilson's 95 % interval.</p>
-        <Rates rows={summary.recipes.map((recipe) => ({ name: recipe.label, rate: recipe.success, more: recipe.picks_an_hour ? `${recipe.picks_an_hour.median.toFixed(0)} picks an hour` : "" }))}
+        <Rates rows={summary.recipes.map((recipe) => ({ name: recipe.label, rate: recipe.success, more: hourly(recipe.figures) }))}
           onAsk={(name) => onAsk({ what: "all", value: "", label: name, title: `Jobs of ${name}` })} />
       </section>
       <section className="card">

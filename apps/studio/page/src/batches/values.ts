@@ -8,6 +8,24 @@ export interface Rate {
   high: number;
 }
 
+// A value with its interval; null: the counts leave it open.
+export interface Estimate {
+  value: number | null;
+  low: number | null;
+  high: number | null;
+}
+
+// The operators' figures of one run, or of several together.
+export interface Figures {
+  units_an_hour: Estimate;
+  failures_an_hour: Estimate;
+  assists_an_hour: Estimate;
+  mtbf: Estimate;
+  mtbf_a: Estimate;
+  first_pass_yield: Rate;
+  utilisation: Record<string, Estimate>;
+}
+
 export interface BatchRow {
   id: string;
   name: string;
@@ -38,7 +56,7 @@ export interface BatchSummary extends Breakdown {
   total: number;
   waiting: number;
   cell: number;
-  recipes: { label: string; success: Rate; items: Rate; first_try: Rate; crashed: number; picks_an_hour: { median: number; low: number; high: number } | null }[];
+  recipes: { label: string; success: Rate; items: Rate; first_try: Rate; crashed: number; figures: Figures }[];
   by_recipe: Record<string, Breakdown>;
 }
 
@@ -71,6 +89,14 @@ const percent = (share: number) => `${(100 * share).toFixed(share > 0 && share <
 export function words(rate: Rate): string {
   if (!rate.total) return "none";
   return `${rate.successes} of ${rate.total} (${(100 * rate.low).toFixed(1)} … ${(100 * rate.high).toFixed(1)} %)`;
+}
+
+// As the commands write it: 360 units an hour, MTBF 4 min.
+export function hourly(figures: Figures): string {
+  const { units_an_hour: units, mtbf } = figures;
+  if (units.value === null) return "";
+  const between = mtbf.value === null ? "no failure" : `MTBF ${duration(mtbf.value)}`;
+  return `${units.value.toFixed(0)} units an hour, ${between}`;
 }
 
 export function duration(seconds: number | null | undefined): string {

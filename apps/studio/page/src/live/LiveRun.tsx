@@ -63,7 +63,7 @@ function Bar({ id, state, order }: { id: string; state: LiveState; order(line: s
         <h1>{run?.mission ?? id}</h1>
         {state.ended ? <Status status={state.status ?? "killed"} /> : <Status status={question || stop ? "paused" : "running"} />}
         <span className="live-time" data-time={state.time}>{state.time.toFixed(2)} s</span>
-        {progress && <span className="muted">{progress.text}</span>}
+        {progress && <span className="muted">{progress.text}; {progress.figures}</span>}
         <span className="muted wide-only">{run && `${run.scene}, seed ${run.seed}, ${run.robot}, ${run.backend}`}</span>
       </div>
       {state.ended ? (

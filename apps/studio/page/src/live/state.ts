@@ -43,7 +43,7 @@ export interface LiveState {
   time: number;
   wall?: number;
   tree: LiveNode[];
-  progress?: { text: string; done: number; total: number };
+  progress?: { text: string; done: number; total: number; figures: string };
   stop?: { where: string; path: string; when: "before" | "after" | "tick" } | null;
   question?: { node: string; reason: string; situation: string; choices: string[] } | null;
   breakpoints: Breakpoint[];

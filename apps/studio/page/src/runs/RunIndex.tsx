@@ -20,6 +20,8 @@ const COLUMNS: Column<RunRow>[] = [
   { key: "mission", head: "Mission", width: "minmax(110px, 1.4fr)", sortable: true, cell: (row) => row.mission || row.folder },
   { key: "status", head: "Status", width: "112px", sortable: true, cell: (row) => <Status status={row.status} /> },
   { key: "sorted", head: "Sorted", width: "72px", sortable: true, cell: done },
+  { key: "units_an_hour", head: "Units/h", width: "76px", sortable: true, number: true, wide: true, cell: (row) => row.units_an_hour?.toFixed(0) ?? "" },
+  { key: "mtbf", head: "MTBF", width: "76px", sortable: true, number: true, wide: true, cell: (row) => seconds(row.mtbf) },
   { key: "lost", head: "Lost", width: "72px", sortable: true, number: true, wide: true, cell: (row) => seconds(row.lost) },
   { key: "cause", head: "Causes", width: "minmax(120px, 1.6fr)", sortable: true, wide: true, cell: (row) => <span title={row.causes.join(", ")}>{row.causes.join(", ")}</span> },
   { key: "scene", head: "Scene", width: "minmax(80px, 1fr)", sortable: true, wide: true, cell: (row) => row.scene },
@@ -28,7 +30,7 @@ const COLUMNS: Column<RunRow>[] = [
   { key: "written", head: "Written", width: "132px", sortable: true, wide: true, cell: when },
   { key: "folder", head: "Folder", width: "minmax(100px, 1.4fr)", sortable: true, wide: true, cell: (row) => <span title={row.folder}>{row.folder}</span> },
 ];
-const FALLING_FIRST = new Set(["written", "lost", "seconds"]);
+const FALLING_FIRST = new Set(["written", "lost", "seconds", "units_an_hour", "mtbf"]);
 
 interface Query {
   where: string;

@@ -1,0 +1,321 @@
+"""Drivers of failure: settings, scenes and items of a batch, ranked by their effect on failures.
+
+Each value of a factor is compared with the other values of the same factor over all jobs. In a complete plan
+every value meets the same seeds and the same other settings, so that the marginal difference is its effect.
+"""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+from picktree.logs import Interval, Rate, rate
+
+from .comparison import paired_difference
+from .rates import SIGNIFICANCE_LEVEL, difference_of_rates, fisher_p, holm
+from .store import Store
+
+Subject: TypeAlias = Literal["job", "item"]
+"""Subject that fails: a job that misses its goal, or an item that is not at its destination."""
+
+
+@dataclass(frozen=True, slots=True)
+class FailureDriver:
+    """Value of a factor with its effect on failures, against the other values of the factor."""
+
+    factor: str
+    """Name of the setting, or `mission`, `scene`, `faults`, `kind`, `colour`."""
+    value: str
+    subject: Subject
+    failed: Rate
+    """Share of failures with this value."""
+    others: Rate
+    """Share of failures with the other values."""
+    difference: float
+    """Share with this value minus that with the others; of items the mean over the jobs that have both."""
+    interval: Interval
+    """95 % interval of the difference: Newcombe's for jobs, BCa bootstrap over jobs for items."""
+    p_value: float
+    """Two-sided p value: Fisher's exact test for jobs, permutation within jobs for items."""
+    adjusted: float = 1.0
+    """P value by Holm's method over all compared values."""
+
+    @property
+    def name(self) -> str:
+        return f"{self.factor}={self.value}"
+
+    @property
+    def significant(self) -> bool:
+        return self.adjusted < SIGNIFICANCE_LEVEL
+
+
+@dataclass(frozen=True, slots=True)
+class RunPair:
+    """Failure with the value of a driver and the nearest success without it, for `diff` and `whatif`."""
+
+    driver: str
+    failure: str
+    """Id of the job that failed."""
+    success: str
+    seed: int
+    """Seed of the failure."""
+    same_seed: bool
+    others: tuple[str, ...]
+    """Names of other factors in which both jobs differ."""
+    diff: str
+    """Command that compares both runs."""
+    whatif: str
+    """Command that resumes the failed run before its first failure, with the parameter of the success."""
+    remake: tuple[str, ...] = ()
+    """Commands that make the logs which were not kept."""
+
+
+@dataclass(frozen=True, slots=True)
+class DriverRanking:
+    """Drivers of failure, the clearest and strongest first, and a pair of runs for the first one."""
+
+    drivers: tuple[FailureDriver, ...] = ()
+    pair: RunPair | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "drivers": [
+                {**asdict(each), "name": each.name, "significant": each.significant} for each in self.drivers
+            ],
+            "pair": None if self.pair is None else asdict(self.pair),
+        }
+
+    def lines(self) -> Iterator[str]:
+        """Yield a table for a terminal; nothing without a compared value."""
+        if not self.drivers:
+            return
+        shown = self.drivers[:_MAX_SHOWN]
+        width = max(len(_TITLE), *(len(each.name) for each in shown))
+        head = f"{_TITLE:<{width}}  {'failed with it':<22}  {'with others':<22}  "
+        yield f"{head}{'difference, 95 % interval':<28} {'p':>7} {'Holm':>7}"
+        for each in shown:
+            low, high = 100 * each.interval.low, 100 * each.interval.high
+            difference = f"{100 * each.difference:+.1f} % ({low:+.1f} … {high:+.1f})"
+            p_values = " ".join(f"{_p_text(p):>7}" for p in (each.p_value, each.adjusted))
+            line = f"{each.name:<{width}}  {_share(each.failed):<22}  {_share(each.others):<22}  "
+            yield f"{line}{difference:<28} {p_values}{' *' if each.significant else ''}"
+        if len(self.drivers) > len(shown):
+            yield f"and {len(self.drivers) - len(shown)} values more"
+        if self.pair is not None:
+            yield from _pair_lines(self.pair)
+
+
+_TITLE = "what drives failure"
+_MAX_SHOWN = 10
+
+
+def rank_drivers(store: Store) -> DriverRanking:
+    """Rank the values of all factors. Raises PicktreeError when the results cannot be read."""
+    jobs = _jobs(store)
+    if not any(job.failed for job in jobs):
+        return DriverRanking()
+    drivers = [*_job_drivers(jobs), *_item_drivers(store)]
+    adjusted = holm([each.p_value for each in drivers])
+    ranked = sorted(
+        (replace(each, adjusted=p) for each, p in zip(drivers, adjusted, strict=True)),
+        key=lambda each: (not each.significant, -abs(each.difference), each.name),
+    )
+    pair = _pair(store.path.parent, jobs, ranked[0]) if ranked else None
+    return DriverRanking(tuple(ranked), pair)
+
+
+@dataclass(frozen=True, slots=True)
+class _Job:
+    id: str
+    seed: int
+    failed: bool
+    factors: Mapping[str, str]
+    folder: str
+    first: float | None
+    """Time of the first failure, simulated s; None without one."""
+    items: frozenset[tuple[str, str]] = frozenset()
+    """Kinds and colours of items that are not at their destination, as `("kind", "can")`."""
+
+
+def _jobs(store: Store) -> tuple[_Job, ...]:
+    missed: defaultdict[str, set[tuple[str, str]]] = defaultdict(set)
+    for job, kind, colour in _rows(
+        store, "SELECT job, kind, colour FROM items WHERE verdict NOT IN ('sorted', 'no destination')"
+    ):
+        missed[job] |= {("kind", kind), ("colour", colour)}
+    found = _rows(
+        store,
+        "SELECT job, seed, status <> 'success', mission, scene, faults, settings, folder, "
+        "(SELECT min(time) FROM failures WHERE failures.job = jobs.job) "
+        "FROM jobs WHERE status <> 'waiting' ORDER BY number",
+    )
+    return tuple(
+        _Job(
+            job,
+            seed,
+            bool(failed),
+            {
+                "mission": Path(mission).stem,
+                "scene": Path(scene).stem or "own",
+                "faults": Path(faults).stem or "none",
+                **json.loads(settings),
+            },
+            folder,
+            first,
+            frozenset(missed[job]),
+        )
+        for job, seed, failed, mission, scene, faults, settings, folder, first in found
+    )
+
+
+def _job_drivers(jobs: Sequence[_Job]) -> Iterator[FailureDriver]:
+    names = dict.fromkeys(name for job in jobs for name in job.factors)
+    for name in names:
+        counts: dict[str, list[int]] = {}
+        for job in jobs:
+            if name in job.factors:
+                count = counts.setdefault(job.factors[name], [0, 0])
+                count[0] += job.failed
+                count[1] += 1
+        failed, total = (sum(count[n] for count in counts.values()) for n in (0, 1))
+        for value, (own, size) in _compared(counts):
+            rates = rate(own, size), rate(failed - own, total - size)
+            p_value = fisher_p(*rates)
+            yield FailureDriver(
+                name,
+                value,
+                "job",
+                *rates,
+                (rates[0].share or 0.0) - (rates[1].share or 0.0),
+                difference_of_rates(rates[1], rates[0]),
+                p_value,
+            )
+
+
+def _compared(counts: Mapping[str, Sequence[int]]) -> list[tuple[str, Sequence[int]]]:
+    """Return the values to be compared: of two the worse one, since both say the same."""
+    values = list(counts.items())
+    if len(values) == 2:
+        return [max(values, key=lambda each: (each[1][0] / each[1][1], each[0]))]
+    return values if len(values) > 2 else []
+
+
+def _item_drivers(store: Store) -> Iterator[FailureDriver]:
+    """Yield the effects of kind and colour: items of one job are not independent, jobs are."""
+    rows = _rows(
+        store,
+        "SELECT job, kind, colour, verdict <> 'sorted' FROM items WHERE verdict <> 'no destination' "
+        "ORDER BY job, item",
+    )
+    for factor, column in (("kind", 1), ("colour", 2)):
+        by_job: defaultdict[str, defaultdict[str, list[int]]] = defaultdict(
+            lambda: defaultdict(lambda: [0, 0])
+        )
+        counts: defaultdict[str, list[int]] = defaultdict(lambda: [0, 0])
+        for row in rows:
+            for count in (by_job[row[0]][row[column]], counts[row[column]]):
+                count[0] += row[3]
+                count[1] += 1
+        failed, total = (sum(count[n] for count in counts.values()) for n in (0, 1))
+        for value, (own, size) in _compared(counts):
+            pairs = [_shares(each, value) for each in by_job.values() if value in each and len(each) > 1]
+            found = paired_difference(pairs)
+            if found.count > 1:
+                yield FailureDriver(
+                    factor,
+                    value,
+                    "item",
+                    rate(own, size),
+                    rate(failed - own, total - size),
+                    found.mean,
+                    found.interval,
+                    found.p_value,
+                )
+
+
+def _shares(counts: Mapping[str, Sequence[int]], value: str) -> tuple[float, float]:
+    """Return the shares of failures in one job, with the other values and with this one."""
+    own, others = counts[value], [count for name, count in counts.items() if name != value]
+    return sum(c[0] for c in others) / sum(c[1] for c in others), own[0] / own[1]
+
+
+def _pair(folder: Path, jobs: Sequence[_Job], driver: FailureDriver) -> RunPair | None:
+    """Return the nearest pair of jobs: equal in most other factors, then in the seed, then with kept logs."""
+    failed_with, succeeded = _sides(jobs, driver)
+    best: tuple[tuple[int, bool, int], _Job, _Job] | None = None
+    for failure in failed_with:
+        for success in succeeded:
+            apart = _apart(failure, success, driver)
+            key = (len(apart), failure.seed != success.seed, (not failure.folder) + (not success.folder))
+            if failure.id != success.id and (best is None or key < best[0]):
+                best = key, failure, success
+        if best is not None and best[0] == (0, False, 0):
+            break
+    if best is None:
+        return None
+    _, failure, success = best
+    a, b = (shlex.quote(f"{folder}@{job.id}") for job in (failure, success))
+    return RunPair(
+        driver.name,
+        failure.id,
+        success.id,
+        failure.seed,
+        failure.seed == success.seed,
+        tuple(_apart(failure, success, driver)),
+        f"picktree diff {a} {b}",
+        f"picktree whatif {a} --at {failure.first or 0.0:g}s{_setting(success, driver)}",
+        tuple(f"picktree resim {name}" for name, job in ((a, failure), (b, success)) if not job.folder),
+    )
+
+
+def _setting(success: _Job, driver: FailureDriver) -> str:
+    """Return the option that gives the mission's parameter the value of the success; empty for others."""
+    if driver.subject == "item" or driver.factor in _FILES or "." in driver.factor:
+        return ""
+    return f" --set {shlex.quote(f'{driver.factor}={success.factors[driver.factor]}')}"
+
+
+_FILES = ("mission", "scene", "faults")
+"""Factors that are files."""
+
+
+def _sides(jobs: Sequence[_Job], driver: FailureDriver) -> tuple[list[_Job], list[_Job]]:
+    """Return the failures that have the worse value, and the successes that lack it."""
+    if driver.subject == "item":
+        fault = (driver.factor, driver.value)
+        return [job for job in jobs if fault in job.items], [job for job in jobs if not job.failed]
+    with_it = [job for job in jobs if job.factors.get(driver.factor) == driver.value]
+    without = [job for job in jobs if job.factors.get(driver.factor) != driver.value]
+    worse, better = (with_it, without) if driver.difference > 0 else (without, with_it)
+    return [job for job in worse if job.failed], [job for job in better if not job.failed]
+
+
+def _apart(a: _Job, b: _Job, driver: FailureDriver) -> list[str]:
+    names = dict.fromkeys((*a.factors, *b.factors))
+    return [n for n in names if n != driver.factor and a.factors.get(n) != b.factors.get(n)]
+
+
+def _pair_lines(pair: RunPair) -> Iterator[str]:
+    seed = f"both with seed {pair.seed}" if pair.same_seed else "of different seeds"
+    others = f"; they differ in {', '.join(pair.others)}, too" if pair.others else ""
+    yield f"nearest failure and success for {pair.driver}, {seed}{others}"
+    for command in (*pair.remake, pair.diff, pair.whatif):
+        yield f"  {command}"
+
+
+def _share(found: Rate) -> str:
+    return f"{found.successes} of {found.total} ({100 * (found.share or 0.0):.1f} %)"
+
+
+def _p_text(value: float) -> str:
+    return f"{value:.3f}" if value >= 0.001 else "< 0.001"
+
+
+def _rows(store: Store, sql: str) -> Iterable[tuple[Any, ...]]:
+    rows: Any = store.query(sql).rows
+    return rows
