@@ -42,7 +42,7 @@ def rate_sequence(successes: int, total: int, level: float = 1 - CONFIDENCE) -> 
 
     >>> found = rate_sequence(9, 10)
     >>> f"{found.low:.2f} … {found.high:.2f}"
-    '0.46 … 1.00'
+    '0.45 … 1.00'
     """
     failures = total - successes
     log_beta = math.lgamma(successes + 1) + math.lgamma(failures + 1) - math.lgamma(total + 2)

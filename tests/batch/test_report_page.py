@@ -13,12 +13,14 @@ from picktree.apps.batch import RESULTS_FILE, BatchPlan, Job, Store, write_repor
 from picktree.apps.batch.plan import write_plan
 from picktree.apps.batch.tables import (
     EpisodeRow,
+    FigureRow,
     JobFailureRow,
     JobPickRow,
     JobRows,
     JobTimingRow,
     PlantedRow,
 )
+from picktree.logs import FigureCounts
 
 from ..browser import Chromium, Told
 from ..needs import CHROMIUM, needs
@@ -70,6 +72,11 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
                     episodes=EPISODES if bad else (),
                     planted=(PLANTED,) if bad else (),
                     timings=(JobTimingRow("grasp", 6.0), JobTimingRow("place", 3.0)),
+                    figures=(
+                        FigureRow.of(
+                            FigureCounts(units=2 - bad, entered=2, first_pass=2 - bad, given_up=bad)
+                        ),
+                    ),
                     versions={"numpy": "2.0"},
                 ),
             )
@@ -106,7 +113,7 @@ def test_it_says_what_came_of_the_batch_without_a_word_or_a_request(page: Any) -
     first = page.locator("#recipes tbody tr").first.locator("td").all_inner_texts()
     assert first == [
         "Grasp.force=1.5 N", "12", "66.7 % (39.1 … 86.2 %)", "83.3 % (64.1 … 93.3 %)",
-        "66.7 % (39.1 … 86.2 %)", "687 (600 … 720)", "0",
+        "66.7 % (39.1 … 86.2 %)", "541 (467 … 609)", "33.2 s (13.0 s … 2.0 min)", "83.3 % (64.1 … 93.3 %)", "0",
     ]  # fmt: skip
     for figure in ("success", "rates", "phases", "causes", "forms", "colours", "places"):
         assert page.locator(f"#{figure} svg").count() >= 1, figure

@@ -9,7 +9,7 @@ import pytest
 
 from ..pages import pages, prose
 
-MEASURED = {"figures.md", "measurements.md", "fault-campaign.md", "failure-atlas.md"}
+MEASURED = {"bin-to-bin.md", "figures.md", "measurements.md", "fault-campaign.md", "failure-atlas.md"}
 """Pages of figures."""
 RATES = (
     r"\d+ of \d+ \(",  # 143 of 150 (95.3 %, …)
