@@ -55,9 +55,10 @@ def plain_reference(filename: str) -> str:
 class RunFiles(Protocol):
     """Files of one run: its log, or the recipe of a batch."""
 
-    path: Path
-    run: log_records.RunInfo
-
+    @property
+    def path(self) -> Path: ...
+    @property
+    def run(self) -> log_records.RunInfo: ...
     @property
     def attachments(self) -> Sequence[str]: ...
     def attachment(self, name: str) -> bytes: ...

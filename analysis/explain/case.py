@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, TypeVar, cast
 import numpy as np
 
 from picktree.files import PicktreeError
-from picktree.logs import BeliefEvent, RunLog, Stamped, log_records, node_visits
-from picktree.logs.series import GripperSeries
+from picktree.logs import BeliefEvent, RunLog, Stamped, log_records, node_visits, series
 from picktree.session import CellUnpacking
 from picktree.world import (
     Array,
@@ -198,7 +197,7 @@ class Investigation:
                 return None
 
     @cached_property
-    def gripper(self) -> GripperSeries:
+    def gripper(self) -> series.GripperSeries:
         """Opening and force of the fingers, also of those that a linkage moves; empty without them."""
         found, joints = self.run.gripper, self.run.joints
         if len(found.times) or self.robot is None or self.robot.gripper.linkage is None:
@@ -209,7 +208,7 @@ class Investigation:
         fingers, columns = fingers_of(self.robot.gripper), [joints.column(name) for name in names]
         widths = [fingers.width(row) for row in joints.positions[:, columns]]
         both = zip(joints.positions[:, columns], joints.efforts[:, columns], strict=True)
-        return GripperSeries(
+        return series.GripperSeries(
             joints.times, np.array(widths), np.array([fingers.force(*each) for each in both])
         )
 
