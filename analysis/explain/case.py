@@ -8,7 +8,7 @@ from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar, cast
+from typing import TYPE_CHECKING, Protocol, TypeVar, cast
 
 import numpy as np
 
@@ -28,16 +28,13 @@ from picktree.world import (
 from picktree.world.robot_model import RobotDescription, RobotModel, fingers_of
 from picktree.world.scene import Bin, CatalogueEntry, Fixture, SceneDescription, destinations
 
-from .body_tracks import BodyTracks, between
+from .body_tracks import BodyTracks, DeviceState, between
 from .explanation import FailureStory, ItemVerdict
 from .identities import Identities
-from .seen_world import SeenWorld
 
 if TYPE_CHECKING:
     from picktree.logs import RunRecord
     from picktree.robot.planning import InverseKinematics
-
-    from .true_world import DeviceState, TrueWorld
 
 E = TypeVar("E", bound=JournalEvent)
 T = TypeVar("T")
@@ -67,10 +64,27 @@ def scene_of(log: RunLog) -> SceneDescription | None:
             return None
 
 
+class BodyWorld(Protocol):
+    """Bodies of a run from one source: the ground truth, or what the robot saw and felt."""
+
+    is_true: bool
+    """Whether the bodies are those of the ground truth."""
+    items: BodyTracks
+    obstacles: BodyTracks
+    devices: tuple[DeviceState, ...]
+    """True states of robot and items; empty without truth."""
+    sampled: float
+    """Maximum interval between two samples, s."""
+
+    # Times between which an item vanished, s; verdict on each item at the end.
+    def gone(self, item: str) -> tuple[float, float] | None: ...
+    def verdicts(self, case: Investigation) -> Mapping[str, ItemVerdict]: ...
+
+
 class Investigation:
     """Cached queries on a log for the search for causes. Ground truth is for the analyst only.
 
-    `truth`: the bodies are those of the ground truth; else those that the robot saw and felt.
+    `world`: makes the bodies, those of the ground truth or those that the robot saw and felt.
     """
 
     def __init__(
@@ -78,10 +92,9 @@ class Investigation:
         run: RunRecord,
         family: node_visits.VisitTree,
         failures: Sequence[FailureStory],
-        *,
-        truth: bool = True,
+        world: Callable[[Investigation], BodyWorld],
     ) -> None:
-        self._with_truth = truth
+        self._world = world
         self.run = run
         self.family = family
         self.failures = tuple(failures)
@@ -97,13 +110,9 @@ class Investigation:
         return BodyTracks(list(self.run.log.beliefs()))
 
     @cached_property
-    def world(self) -> TrueWorld | SeenWorld:
+    def world(self) -> BodyWorld:
         """Bodies as they truly were, or as the robot saw them."""
-        if not self._with_truth:
-            return SeenWorld(self)
-        from .true_world import TrueWorld  # it imports the simulation
-
-        return TrueWorld(self.run.log)
+        return self._world(self)
 
     @property
     def bodies(self) -> BodyTracks:
@@ -318,7 +327,7 @@ class Investigation:
         return [name for _, name in sorted(found)]
 
     def obstacles_at(self, time: float) -> list[tuple[str, log_records.BodyRecord]]:
-        """Return the obstacles at that time. One that the camera has shown stood there before, too."""
+        """Return the obstacles at that time. The camera may show one later than it arrived."""
         if self.world.is_true:
             return self.obstacles.there(time)
         return [(name, track.last) for name, track in self.obstacles.tracks.items()]

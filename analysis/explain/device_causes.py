@@ -746,7 +746,7 @@ def gripper_faulty(case: Investigation) -> Iterator[DeviceFinding]:
 
 
 def fingers_stuck(case: Investigation) -> Iterator[DeviceFinding]:
-    """Find fingers that do not open on command, or stand open and press on nothing when told to close."""
+    """Find fingers that do not open on command, or stay open and press on nothing when they should close."""
     gripper, states = case.gripper, case.devices
     if not len(gripper.times) or len(states) < 2:
         yield from _stuck_in_steps(case)
@@ -786,7 +786,7 @@ def _stuck_in_steps(case: Investigation) -> Iterator[DeviceFinding]:
         spans.sort()
         at = float(np.interp(spans[0][0], gripper.times, gripper.widths))
         title = f"the fingers are stuck at {1000 * at:.0f} mm: they did not follow the command"
-        reasons = (f"they were told to move, and did not {listed_spans(spans)}",)
+        reasons = (f"the command was to move, and they did not {listed_spans(spans)}",)
         yield DeviceFinding(
             Finding("gripper.jammed", "gripper", title, reasons, "", spans[0][0]), tuple(spans),
             ("control.gripper", "grasp.*", "place.*", "insert.*", "push.*"), 5.0,

@@ -1,8 +1,8 @@
 """Table of hypotheses about failures and unsorted items, and their ranking.
 
 The search begins at the end: with each item that is not at its destination, and each failure that cost time.
-All hypotheses of `HYPOTHESES` are tested on each failure. First stands the one with the strongest evidence
-that explains most failures of the run and contradicts least. The next one of another cause is its rival.
+All hypotheses of `HYPOTHESES` are tested on each failure. The first one has the strongest evidence,
+explains most failures of the run, and contradicts least. The next one of another cause is its rival.
 Equal findings are one root cause, ranked by its cost: items first, then seconds.
 """
 
@@ -96,12 +96,12 @@ class Hypothesis:
     explain: FailureDetector
     """Test on the log: the finding, or None."""
     evidence: int
-    """Strength of its evidence: 3 the device itself or the failure's message, 2 a measured property, 1 a
-    place or an event in the cell, 0 a contact with what is near."""
+    """Strength of its evidence. 3: the device itself, or the failure's message. 2: a measured property.
+    1: a place or an event in the cell. 0: a contact with a body that is near."""
     must: str
-    """What the log then has."""
+    """Records that the log then has."""
     must_not: str = ""
-    """What the log then lacks; its presence is counter-evidence."""
+    """Records that the log then lacks; their presence is counter-evidence."""
 
 
 HYPOTHESES: Final[tuple[Hypothesis, ...]] = (
@@ -140,8 +140,8 @@ HYPOTHESES: Final[tuple[Hypothesis, ...]] = (
 )  # fmt: skip
 """Hypotheses; of equal ones the first counts."""
 EVIDENCE_WEIGHT, SHARE_WEIGHT, AGAINST_WEIGHT, DOUBT_WEIGHT = 1.0, 0.8, 0.4, 0.3
-"""Weights of a hypothesis: a step of evidence, the share of the failures that it explains, a piece of
-counter-evidence, a finding that is merely possible."""
+"""Weights: of a step of evidence, of the share of failures that are explained, of a piece of
+counter-evidence, and of a doubtful finding."""
 MIN_MARGIN = 0.25
 """Margin to the next hypothesis below which the first one is merely possible."""
 

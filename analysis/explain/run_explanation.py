@@ -57,6 +57,7 @@ from .held_items import held_periods
 from .hypotheses import root_causes_of
 from .item_causes import MIN_ERROR
 from .run_endings import explain_nothing_seen, goal_of
+from .seen_world import SeenWorld
 
 if TYPE_CHECKING:
     from picktree.logs import RunResult, RunStatus
@@ -658,6 +659,17 @@ def _earlier(run: RunRecord, *, truth: bool) -> Explanation | None:
         return None
 
 
+def investigation(
+    run: RunRecord, account: RunAccount, failures: Sequence[FailureStory], *, truth: bool
+) -> Investigation:
+    """Return the investigation of a run, by the ground truth or by what the robot saw and felt."""
+    if not truth:
+        return Investigation(run, account.tree, failures, SeenWorld)
+    from .true_world import TrueWorld  # it imports the simulation
+
+    return Investigation(run, account.tree, failures, TrueWorld)
+
+
 def has_truth(run: RunRecord) -> bool:
     """Whether the log has the ground truth of a simulation."""
     return next(iter(run.log.truths()), None) is not None
@@ -678,7 +690,7 @@ def explain(
     failures = failures_of(run, account)
     truth = has_truth(run) if truth is None else truth
     faults = faults and truth
-    case = Investigation(run, account.tree, failures, truth=truth)
+    case = investigation(run, account, failures, truth=truth)
     outcome = outcome_of(case, account.visits)
     planted = case.events(event_types.FaultEvent) if faults else []
     causes = root_causes_of(case, outcome, planted, _earlier(run, truth=truth))

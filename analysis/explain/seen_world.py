@@ -16,7 +16,7 @@ from picktree.logs import BeliefEvent, Stamped, log_records
 from picktree.world import GRAVITY, world_facts
 from picktree.world.scene import destinations
 
-from .body_tracks import BodyTrack, BodyTracks, horizontal_distance
+from .body_tracks import BodyTrack, BodyTracks, DeviceState, horizontal_distance
 from .explanation import FailureStory, ItemVerdict, number
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ class SeenWorld:
     """Bodies at each look, with one name for each item."""
 
     is_true = False
-    devices = ()
+    devices: tuple[DeviceState, ...] = ()
     sampled = 0.1
     """Maximum interval between an event and the sample that shows it, s."""
 

@@ -6,15 +6,15 @@ This is the only module of the room that imports the simulation.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from picktree.logs import Stamped, log_records, topics
 from picktree.logs.recording import fold_states, read_state
 from picktree.simulation import MAX_REST_SPEED, ItemScore, TrueBody, score
-from picktree.world import ObjectId, Pose, Vector3, event_types, rotated, vector3
+from picktree.world import ObjectId, Pose, event_types, rotated, vector3
 
-from .body_tracks import BodyTracks
+from .body_tracks import BodyTracks, DeviceState
 from .explanation import ItemVerdict
 
 if TYPE_CHECKING:
@@ -23,35 +23,13 @@ if TYPE_CHECKING:
     from .case import Investigation
 
 
-@dataclass(frozen=True, slots=True)
-class DeviceState:
-    """Commands and noise-free readings of the simulated robot at one moment."""
-
-    time: float
-    wrench: tuple[float, ...]
-    """True force on the wrist in the world's axes and its torque, (6,); empty where it is not in the log."""
-    masses: Mapping[str, float]
-    """Masses of items that differ from the catalogue's, kg."""
-    frictions: Mapping[str, float]
-    """Frictions of items that differ from the catalogue's for good."""
-    told_width: float
-    """Commanded opening of the fingers, m."""
-    told_force: float
-    """Commanded force of each finger, N; 0 where it is not in the log."""
-    learnt: Vector3
-    """Force that the robot takes for the wrist sensor's bias, in the world's axes, N."""
-    speed: float
-    """Speed of the fastest joint, rad/s."""
-    motions: Mapping[str, tuple[Vector3, Vector3]]
-    """Velocity (m/s) and spin (rad/s) of each item; empty without physics."""
-
-
 class TrueWorld:
     """Bodies and devices as they truly were, several times a second."""
 
     is_true = True
 
-    def __init__(self, log: RunLog) -> None:
+    def __init__(self, case: Investigation) -> None:
+        log = case.run.log
         devices: list[DeviceState] = []
 
         def states() -> Iterator[tuple[float, Mapping[str, Any]]]:  # a long log has too many to keep

@@ -17,7 +17,7 @@ from picktree.analysis.explain.held_items import held_periods
 from picktree.analysis.explain.item_causes import ItemDisplacement, moved_by_arm
 from picktree.analysis.explain.obstruction_causes import explain_hidden
 from picktree.analysis.explain.run_endings import explain_missed_goal
-from picktree.analysis.explain.run_explanation import failures_of
+from picktree.analysis.explain.run_explanation import failures_of, investigation
 from picktree.logs.series import ControlSeries, GripperSeries, JointSeries
 from picktree.world import Box, Pose
 
@@ -117,10 +117,10 @@ def test_an_item_between_the_fingers_of_a_linkage_stays_in_the_hand(tmp_path: Pa
     """The frames of a Robotiq's fingers turn while they close: the hand is its TCP."""
     with Run(run(tmp_path, items=BLOCK, scene="robot: ur10e\n")) as log:
         account = log.account
-        found = Investigation(log, account.tree, failures_of(log, account))
+        found = investigation(log, account, failures_of(log, account), truth=True)
         (period,) = held_periods(found)
         during = (found.gripper.times > period.start) & (found.gripper.times < period.end - 0.3)
         assert period.left is None
         assert float(np.median(found.gripper.widths[during])) == pytest.approx(0.04, abs=0.003)
-        blind = Investigation(log, account.tree, failures_of(log, account), truth=False)
+        blind = investigation(log, account, failures_of(log, account), truth=False)
         assert [each.left for each in held_periods(blind)] == [None]
