@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -15,7 +16,8 @@ from picktree.logs import RunRecord
 class Run(RunRecord):
     """Run, read from its log alone, also when it was cut off.
 
-    `where` is a log file, a run's folder, or `last`. Times are simulated seconds, lengths m, angles rad,
+    `where` is a log file, a run's folder, or `last`. `truth`: the explanation uses the ground truth; None:
+    where the log has it. Times are simulated seconds, lengths m, angles rad,
     forces N; poses are in the world. Everything is read on the first request, and then kept; `ticks` and
     `images` read each time, so that a long log needs little memory. Use it as a context manager, or `close`
     it.
@@ -30,12 +32,16 @@ class Run(RunRecord):
             picture = run.picture(17.0)           # as an array, for imshow
     """
 
+    def __init__(self, where: str | Path, *, truth: bool | None = None) -> None:
+        super().__init__(where)
+        self._truth = truth
+
     @cached_property
     def explanation(self) -> Explanation:
         """Explanation of the run's end: failures, root causes, items, places to look at."""
         from picktree.analysis.explain import explain  # most readers of a log explain nothing
 
-        return explain(self)
+        return explain(self, truth=self._truth)
 
     @property
     def failures(self) -> tuple[FailureStory, ...]:

@@ -13,6 +13,7 @@ from . import (
 )
 from .arithmetic_probe import arithmetic as arithmetic
 from .cell import CellSession as CellSession
+from .cell_unpacking import CellUnpacking as CellUnpacking
 from .debugger import Breakpoint as Breakpoint, When as When
 from .environment import sources as sources, versions as versions
 from .execution import Execution as Execution, assemble_world as assemble_world

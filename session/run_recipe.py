@@ -11,31 +11,38 @@ from __future__ import annotations
 import hashlib
 import io
 import os
-import posixpath
 import tempfile
-import xml.etree.ElementTree as ElementTree
 import zipfile
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from functools import lru_cache
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any, Final, assert_never, cast
 
-import yaml
 from pydantic import TypeAdapter, ValidationError
 
-from picktree.files import FileError, Location, PicktreeError, file_system
-from picktree.files.yaml import Document, file_models, read_document
-from picktree.logs import RunLog, log_files, log_records
+from picktree.files import PicktreeError, file_system
+from picktree.files.yaml import read_document
+from picktree.logs import log_files, log_records
 from picktree.simulation import Backend, fault_entries, load_faults, parse_faults
 from picktree.trees import Mission, Plugin, RecordedFiles, name_of
 from picktree.trees.loading import NodeRegistry, load_surroundings, parse_mission
 from picktree.world import CompoundMesh, StreamVariant, convex_decomposition, mesh_reader
-from picktree.world.robot_model import RobotDescription, load_robot, parse_robot, robot_file, urdf_parser
-from picktree.world.scene import MESH_SETS, SceneDescription, SceneFile, load_scene, scene_loading
+from picktree.world.robot_model import RobotDescription, load_robot, urdf_parser
+from picktree.world.scene import SceneDescription, load_scene
 
+from .cell_unpacking import (
+    ASSORTMENT_MESHES,
+    ROBOT_MESHES,
+    CellUnpacking,
+    beside,
+    inside_name,
+    plain_reference,
+    scene_mesh_names,
+    yaml_text,
+)
 from .checkpoints import RunState
 
 
@@ -133,12 +140,6 @@ class Recipe:
     """Other noise of the simulated sensors and other planner seeds; None: those of the seed."""
 
 
-ASSORTMENT_MESHES: Final = "assortment.zip"
-"""Attachment with the OBJ files of the scene's assortment: the drawn items depend on all of them."""
-ROBOT_MESHES: Final = "robot/"
-"""Folder of the attachments with the URDF's meshes, each under the name that the URDF uses."""
-
-
 def recipe_files(recipe: Recipe) -> Iterator[Attachment]:
     """Yield mission, scene, robot and faults, with the files that they name.
 
@@ -202,28 +203,12 @@ def scene_files(scene: SceneDescription) -> Iterator[Attachment]:
                 )
 
 
-def scene_mesh_names(loc: Location, file: str) -> tuple[str, str]:
-    """Return the names in a log of the mesh at `loc` of a scene: by its file alone, and by its owner, too."""
-    section, owner = str(loc[0]), str(loc[1])
-    return (
-        f"mesh/{file}",
-        f"mesh/{owner}/{file}" if section == "catalogue" else f"mesh/{section}/{owner}/{file}",
-    )
-
-
 def with_materials(name: str, mesh: Path) -> Iterator[tuple[str, Path]]:
     """Yield name and file of a mesh, and of the libraries of materials that it names."""
     yield name, mesh
     if mesh.suffix.lower() == ".obj":
         for library, file in mesh_reader.material_files(mesh.read_bytes(), mesh.parent).items():
             yield beside(name, os.fsdecode(library)), file
-
-
-def beside(name: str, reference: str) -> str:
-    """Return the name in a log of a file that the file `name` names; it stays inside of its top folder."""
-    top = name.partition("/")[0]
-    inner = posixpath.join(posixpath.dirname(name.removeprefix(f"{top}/")), reference)
-    return f"{top}/{plain_reference(inner)}"
 
 
 @lru_cache(maxsize=2)
@@ -262,14 +247,6 @@ def robot_meshes(urdf: str) -> tuple[tuple[str, Path], ...]:
     drawn = set(urdf_parser.mesh_paths(urdf))
     named = sorted((path, name) for path, name in _references(urdf) if path in drawn)
     return tuple(dict(both for path, name in named for both in with_materials(name, Path(path))).items())
-
-
-def plain_reference(filename: str) -> str:
-    """Return a mesh's name in a URDF as a path that stays inside its folder."""
-    for prefix in ("package://", "file://"):
-        filename = filename.removeprefix(prefix)
-    parts = [p for p in posixpath.normpath(filename.replace("\\", "/")).split("/") if p not in ("", ".")]
-    return "/".join("up" if part == ".." else part for part in parts)
 
 
 def _references(urdf: str) -> Iterator[tuple[str, str]]:
@@ -397,18 +374,8 @@ def make_folder(out: Path | None, mission: str, seed: int) -> Path:
     raise PicktreeError(f"{parent} has no room for another run named {stem}")
 
 
-class Unpacking:
-    """Reader of one run's files, from its log or from the recipe of a batch.
-
-    All methods raise PicktreeError for a file that the log lacks, and FileError where this version of
-    picktree no longer accepts a file.
-    """
-
-    def __init__(self, log: RunLog | RecipeFile, folder: Path) -> None:
-        self._log = log
-        self._folder = folder
-        self._names = log.attachments
-        self._info = log.run
+class Unpacking(CellUnpacking):
+    """Reader of all files of one run, from its log or from the recipe of a batch."""
 
     def recipe(self, seed: int, start: StartCheckpoint | None = None) -> Recipe:
         """Return the recipe with that seed, and the checkpoint from which it starts."""
@@ -444,41 +411,9 @@ class Unpacking:
         text = self._text(f"{prefix}mission.yaml")
         includes = {name: self._text(at) for name, at in self._below(f"{prefix}include/")}
         for name, at in self._below(f"{prefix}plugin/"):
-            self._put(folder / _inside(name), self._log.attachment(at))
+            self._put(folder / inside_name(name), self._log.attachment(at))
         path = folder / f"{self._stem('mission.yaml', self._info.mission)}.yaml"
         return parse_mission(text, path, files=RecordedFiles(includes, folder))
-
-    def scene(self) -> SceneDescription:
-        text, folder = self._text("scene.yaml"), self._folder / "scene"
-        path = folder / f"{_inside(self._info.scene)}.yaml"
-        document = read_document(path, "scene", text)
-        data = cast("dict[str, Any]", document.data)
-        places = {name: self._place(name, folder) for name in file_models.file_names(SceneFile, data)}
-        moved = {name.loc: place for name, place in places.items() if place != name.text}
-        document = (
-            read_document(path, "scene", _dumped(file_models.renamed(data, moved))) if moved else document
-        )
-        return replace(scene_loading.check_scene(document).required(), text=text)
-
-    def robot(self) -> RobotDescription:
-        text, folder = self._text("robot.yaml"), self._folder / "robot"
-        path = folder / f"{_inside(self._info.robot)}.yaml"
-        urdf = self._log.attachment("robot.urdf")
-        document = read_document(path, "robot", text)
-        data = cast("dict[str, Any]", document.data)
-        installed: Path | None = None
-        if ":" in str(data.get("urdf")):
-            # A gripper from a file beside the robot file is in the log, not beside this text.
-            robot = _checked_or_none(document)
-            if robot is not None:
-                installed = Path(robot.urdf)
-                if installed.read_bytes() == urdf:
-                    return robot
-        data["urdf"] = "robot.urdf"
-        for done in robot_file.COMPOSED:
-            data.pop(done, None)  # the URDF of the log has it already
-        self._put(folder / "robot.urdf", self._with_meshes(urdf, folder, installed))
-        return replace(parse_robot(_dumped(data), path), text=text)
 
     def faults(self) -> fault_entries.FaultFile | None:
         if "faults.yaml" not in self._names:
@@ -488,126 +423,7 @@ class Unpacking:
         data = cast("dict[str, Any]", read_document(path, "faults", text).data)
         # The scene is named for the check alone, which the file has passed.
         named = data.pop("scene", None) is not None
-        return replace(parse_faults(_dumped(data) if named else text, path), text=text)
-
-    def _place(self, name: file_models.FileName, folder: Path) -> str:
-        """Put the file that a scene names into the folder, unless it is shipped. Return its name there."""
-        match name.role:
-            case "mesh":
-                return self._place_mesh(name, folder)
-            case "mesh folder":
-                return name.text if name.text in MESH_SETS else self._place_meshes(name.text, folder)
-            case "robot" if name.text in robot_file.robot_names():
-                return name.text
-            case "robot":
-                # The scene's text only needs a robot file that exists; `robot` reads its content.
-                self._put(folder / "robot" / "robot.yaml", self._log.attachment("robot.yaml"))
-                return "robot/robot.yaml"
-            case "scene" | "urdf":
-                return name.text  # the text of the log stands without a base
-            case _:
-                assert_never(name.role)
-
-    def _place_mesh(self, mesh: file_models.FileName, folder: Path) -> str:
-        """Put the mesh and its materials where the scene names it, if that is inside of the folder."""
-        alone, apart = scene_mesh_names(mesh.loc, PurePosixPath(mesh.text).name)
-        name = next((n for n in (apart, alone) if n in self._names), None)
-        if name is None:
-            raise PicktreeError(f"{self._log.path}: the mesh {mesh.text} of the scene is not in the log")
-        plain = plain_reference(mesh.text)
-        place = plain if plain == posixpath.normpath(mesh.text) else name
-        content = self._log.attachment(name)
-        self._put(folder / place, content)
-        for held in self._names:
-            if held.startswith(f"{name}@"):  # its convex parts at a scale
-                self._put(folder / f"{place}{held.removeprefix(name)}", self._log.attachment(held))
-        for library in map(os.fsdecode, mesh_reader.material_names(content)):
-            if (held := beside(name, library)) in self._names:
-                at = plain_reference(posixpath.join(posixpath.dirname(place), library))
-                self._put(folder / at, self._log.attachment(held))
-        return place
-
-    def _place_meshes(self, meshes: str, folder: Path) -> str:
-        """Put the meshes of an assortment into a folder of their own."""
-        if ASSORTMENT_MESHES not in self._names:
-            raise PicktreeError(
-                f"{self._log.path}: the meshes {meshes} of the assortment are not in the log; "
-                "it was made by an older version"
-            )
-        with zipfile.ZipFile(io.BytesIO(self._log.attachment(ASSORTMENT_MESHES))) as archive:
-            for name in archive.namelist():
-                self._put(folder / "assortment" / Path(name).name, archive.read(name))
-        return "assortment"
-
-    def _with_meshes(self, urdf: bytes, folder: Path, installed: Path | None) -> bytes:
-        """Return the URDF, with its meshes beside it: those of the log, else the same ones of the installed
-        package."""
-        root = urdf_parser.parse_urdf(urdf, "robot")
-        for mesh in root.iter("mesh"):
-            filename = mesh.get("filename", "")
-            plain = plain_reference(filename)
-            name = f"{ROBOT_MESHES}{plain}"
-            if name in self._names:
-                content = self._log.attachment(name)
-            else:
-                content = self._installed_mesh(name, filename, installed)
-            self._put(folder / plain, content)
-            mesh.set("filename", plain)
-        for name, held in self._below(ROBOT_MESHES):
-            if not (folder / name).exists():  # a library of materials, which a mesh names
-                self._put(folder / name, self._log.attachment(held))
-        return ElementTree.tostring(root)
-
-    def _installed_mesh(self, name: str, filename: str, installed: Path | None) -> bytes:
-        digest, _, path = self._info.files.get(name, "").partition(" ")
-        # A mesh of an installed package is found by its name alone, whatever file is beside the URDF here.
-        beside = installed or self._folder / "robot" / "robot.urdf"
-        for file in (Path(path) if path else None, urdf_parser.mesh_file(beside, filename)):
-            if file is not None and file.is_file():
-                content = file.read_bytes()
-                if not digest or hashlib.sha256(content).hexdigest() == digest:
-                    return content
-        raise PicktreeError(
-            f"{self._log.path}: the mesh {filename} of the robot is not in the log, "
-            "and this machine does not have the same version"
-        )
-
-    def _below(self, prefix: str) -> list[tuple[str, str]]:
-        """Return the attachments whose name starts with `prefix`: the rest of the name, the name."""
-        return [(name.removeprefix(prefix), name) for name in self._names if name.startswith(prefix)]
-
-    def _text(self, name: str) -> str:
-        try:
-            return self._log.attachment(name).decode()
-        except UnicodeDecodeError:
-            raise PicktreeError(f"{self._log.path}: the file {name!r} in the log is damaged") from None
-
-    def _stem(self, name: str, otherwise: str) -> str:
-        """Return the stem of the file's original name; it names a mission that has no name of its own."""
-        path = self._info.files.get(name, "").partition(" ")[2]
-        return Path(path).stem if path else _inside(otherwise)
-
-    def _put(self, path: Path, content: bytes) -> None:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(content)
-
-
-def _inside(name: str) -> str:
-    """Return the name as one that leads out of no folder."""
-    return plain_reference(name) or "unnamed"
-
-
-def _dumped(data: Mapping[str, Any]) -> str:
-    return yaml.safe_dump(dict(data), default_flow_style=None, sort_keys=False, allow_unicode=True)
-
-
-def _checked_or_none(document: Document) -> RobotDescription | None:
-    """Check a robot file. None when the package of its URDF is not installed here, or has another one that
-    does not fit."""
-    try:
-        return robot_file.check_robot(document).required()
-    except FileError:
-        return None
+        return replace(parse_faults(yaml_text(data) if named else text, path), text=text)
 
 
 HEADER_NAME = "recipe.json"

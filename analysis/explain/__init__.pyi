@@ -2,7 +2,6 @@ from .explanation import FailureStory as FailureStory
 from .run_explanation import explain as explain
 
 # for other rooms
-from .body_tracks import true_scenes as true_scenes, true_states as true_states
 from .case import scene_of as scene_of
 from .explained_runs import (
     explain_runs as explain_runs,
@@ -16,4 +15,9 @@ from .explanation import (
     ItemStory as ItemStory,
     RootCause as RootCause,
 )
-from .explanation_text import to_json_text as to_json_text, to_text as to_text
+from .explanation_text import (
+    cause_account as cause_account,
+    to_json_text as to_json_text,
+    to_text as to_text,
+)
+from .true_world import true_scenes as true_scenes, true_states as true_states

@@ -1,4 +1,4 @@
-"""Tracks of bodies over a run: believed, and true ones for the analyst only."""
+"""Tracks of bodies over a run: believed ones, and true ones for the analyst only."""
 
 from __future__ import annotations
 
@@ -6,16 +6,12 @@ import bisect
 import itertools
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeVar
 
-from picktree.logs import Stamped, log_records, topics
-from picktree.logs.recording import fold_states, read_state
-from picktree.world import Pose, Vector3, rotated, vector3
-
-if TYPE_CHECKING:
-    from picktree.logs import RunLog
+from picktree.logs import Stamped, log_records
+from picktree.world import Vector3
 
 R = TypeVar("R")
 
@@ -138,6 +134,12 @@ def horizontal_distance(a: log_records.BodyRecord, b: log_records.BodyRecord) ->
     return math.dist(a.pose.position[:2], b.pose.position[:2])
 
 
+def offset(seen: log_records.BodyRecord, true: log_records.BodyRecord) -> Vector3:
+    """Return the vector from the believed centre to the true one, m."""
+    (a, b, c), (x, y, z) = seen.pose.position, true.pose.position
+    return (x - a, y - b, z - c)
+
+
 @dataclass(frozen=True, slots=True)
 class DeviceState:
     """Commands and noise-free readings of the simulated robot at one moment."""
@@ -159,69 +161,3 @@ class DeviceState:
     """Speed of the fastest joint, rad/s."""
     motions: Mapping[str, tuple[Vector3, Vector3]]
     """Velocity (m/s) and spin (rad/s) of each item; empty without physics."""
-
-
-def true_states(log: RunLog) -> Iterator[tuple[float, Mapping[str, Any]]]:
-    """Yield the simulation's states in the log, several a second; none for an older log."""
-    state: dict[str, Any] | None = None
-    for message in log.messages([topics.STATE.name]):
-        change = read_state(message.data)
-        if state is None and not change.whole:
-            continue
-        messages = [change] if state is None or change.whole else [log_records.TrueState(True, state), change]
-        state = fold_states(messages)
-        if state is not None:
-            yield message.time / 1e9, state
-
-
-def true_scenes(
-    scenes: Sequence[Stamped[log_records.Scene]], states: Iterable[tuple[float, Mapping[str, Any]]]
-) -> list[Stamped[log_records.Scene]]:
-    """Return the ground truth at every sample of the log: looks once a second, places with each state."""
-    found = list(scenes)
-    looks = BodyTracks(scenes)
-    known = {at.time for at in scenes}
-    for time, state in states:
-        if time in known:
-            continue
-        placed: list[log_records.BodyRecord] = [b for _, b in looks.there(time) if b.role != "item"]
-        for item in state["items"]:
-            track = looks.tracks.get(str(item["id"]))
-            look = None if track is None else track.before(time) or track.first
-            if look is not None and item["present"]:
-                placed.append(replace(look, pose=_pose(item)))
-        found.append(Stamped(time, log_records.Scene(tuple(placed), ())))
-    return sorted(found, key=lambda at: at.time)
-
-
-def _pose(item: Mapping[str, Any]) -> Pose:
-    pose: Mapping[str, Any] = item.get("pose", item)
-    return Pose(tuple(pose["position"]), tuple(pose["orientation"]))
-
-
-def device_state(time: float, state: Mapping[str, Any]) -> DeviceState:
-    """Return the part of a state that the explanation uses, without knowledge of injected faults."""
-    changes = [*state.get("ledger", ()), *({"item": i["id"], **i} for i in state["items"] if "mass" in i)]
-    robot: Mapping[str, Any] = state.get("robot") or {}
-    grip: Mapping[str, Any] = state.get("gripper") or {"width": state.get("target", 0.0)}
-    bias = (*(state.get("wrist_bias") or ()), 0.0, 0.0, 0.0)[:3]
-    velocities: Sequence[float] = robot.get("velocity") or state.get("velocity") or ()
-    return DeviceState(
-        time=time,
-        wrench=tuple(robot.get("wrench", ())),
-        masses={str(c["item"]): c["mass"] for c in changes if c.get("mass") is not None},
-        frictions={str(c["item"]): c["friction"] for c in changes if c.get("friction") is not None},
-        told_width=grip["width"],
-        told_force=grip.get("force", 0.0) or 0.0,
-        learnt=rotated(robot.get("turn", (0.0, 0.0, 0.0, 1.0)), vector3(bias)),
-        speed=max((abs(v) for v in velocities), default=0.0),
-        motions={
-            str(i["id"]): (tuple(i["velocity"]), tuple(i["spin"])) for i in state["items"] if "velocity" in i
-        },
-    )
-
-
-def offset(seen: log_records.BodyRecord, true: log_records.BodyRecord) -> Vector3:
-    """Return the vector from the believed centre to the true one, m."""
-    (a, b, c), (x, y, z) = seen.pose.position, true.pose.position
-    return (x - a, y - b, z - c)

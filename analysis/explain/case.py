@@ -5,22 +5,19 @@ from __future__ import annotations
 import math
 import tempfile
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Protocol, TypeVar, cast
 
 import numpy as np
 
 from picktree.files import PicktreeError
-from picktree.logs import BeliefEvent, RunLog, Stamped, log_records, node_visits
-from picktree.session import run_recipe
-from picktree.simulation import MAX_REST_SPEED, ItemScore, TrueBody, score
+from picktree.logs import BeliefEvent, RunLog, Stamped, log_records, node_visits, series
+from picktree.session import CellUnpacking
 from picktree.world import (
     Array,
     JournalEvent,
-    ObjectId,
     Pose,
     Vector3,
     event_types,
@@ -28,10 +25,11 @@ from picktree.world import (
     greatest_length,
     vector3,
 )
+from picktree.world.robot_model import RobotDescription, RobotModel, fingers_of
 from picktree.world.scene import Bin, CatalogueEntry, Fixture, SceneDescription, destinations
 
-from .body_tracks import BodyTracks, DeviceState, between, device_state, true_scenes, true_states
-from .explanation import FailureStory
+from .body_tracks import BodyTracks, DeviceState, between
+from .explanation import FailureStory, ItemVerdict
 from .identities import Identities
 
 if TYPE_CHECKING:
@@ -61,17 +59,42 @@ def scene_of(log: RunLog) -> SceneDescription | None:
     """Return the scene of the log; None when the log lacks the scene file, or files that it names."""
     with tempfile.TemporaryDirectory() as folder:
         try:
-            return run_recipe.Unpacking(log, Path(folder)).scene()
+            return CellUnpacking(log, Path(folder)).scene()
         except (PicktreeError, OSError):
             return None
 
 
+class BodyWorld(Protocol):
+    """Bodies of a run from one source: the ground truth, or what the robot saw and felt."""
+
+    is_true: bool
+    """Whether the bodies are those of the ground truth."""
+    items: BodyTracks
+    obstacles: BodyTracks
+    devices: tuple[DeviceState, ...]
+    """True states of robot and items; empty without truth."""
+    sampled: float
+    """Maximum interval between two samples, s."""
+
+    # Times between which an item vanished, s; verdict on each item at the end.
+    def gone(self, item: str) -> tuple[float, float] | None: ...
+    def verdicts(self, case: Investigation) -> Mapping[str, ItemVerdict]: ...
+
+
 class Investigation:
-    """Cached queries on a log for the search for causes. Ground truth is for the analyst only."""
+    """Cached queries on a log for the search for causes. Ground truth is for the analyst only.
+
+    `world`: makes the bodies, those of the ground truth or those that the robot saw and felt.
+    """
 
     def __init__(
-        self, run: RunRecord, family: node_visits.VisitTree, failures: Sequence[FailureStory]
+        self,
+        run: RunRecord,
+        family: node_visits.VisitTree,
+        failures: Sequence[FailureStory],
+        world: Callable[[Investigation], BodyWorld],
     ) -> None:
+        self._world = world
         self.run = run
         self.family = family
         self.failures = tuple(failures)
@@ -87,39 +110,38 @@ class Investigation:
         return BodyTracks(list(self.run.log.beliefs()))
 
     @cached_property
-    def _true_scenes(self) -> tuple[list[Stamped[log_records.Scene]], tuple[DeviceState, ...]]:
-        devices: list[DeviceState] = []
+    def world(self) -> BodyWorld:
+        """Bodies as they truly were, or as the robot saw them."""
+        return self._world(self)
 
-        def states() -> Iterator[tuple[float, Mapping[str, Any]]]:  # a long log has too many to keep
-            for time, state in true_states(self.run.log):
-                devices.append(device_state(time, state))
-                yield time, state
+    @property
+    def bodies(self) -> BodyTracks:
+        """Tracks of the items, without obstacles."""
+        return self.world.items
 
-        return true_scenes(list(self.run.log.truths()), states()), tuple(devices)
-
-    @cached_property
-    def truth(self) -> BodyTracks:
-        """True tracks of the items, several times a second, without obstacles."""
-        return BodyTracks(self._true_scenes[0], "item")
-
-    @cached_property
+    @property
     def obstacles(self) -> BodyTracks:
-        """True tracks of the obstacles that the robot did not know."""
-        return BodyTracks(self._true_scenes[0], "obstacle")
+        """Tracks of the obstacles that the robot did not know from its scene."""
+        return self.world.obstacles
 
     @property
     def devices(self) -> tuple[DeviceState, ...]:
-        """True states of robot and items; empty for an older log."""
-        return self._true_scenes[1]
+        """True states of robot and items; empty for an older log, or without truth."""
+        return self.world.devices
 
-    @cached_property
+    @property
     def sampled(self) -> float:
-        """Maximum interval between two ground truth samples of the log, s."""
-        return self.truth.spacing if self.devices else 1.05
+        """Maximum interval between two samples of the bodies, s."""
+        return self.world.sampled
+
+    @property
+    def truly(self) -> str:
+        """`truly `, for a sentence about the ground truth; empty without it."""
+        return "truly " if self.world.is_true else ""
 
     @cached_property
     def identities(self) -> Identities:
-        return Identities(self.belief, self.truth)
+        return Identities(self.belief, self.bodies)
 
     @property
     def pairs(self) -> Mapping[str, str]:
@@ -139,11 +161,11 @@ class Investigation:
         """Bins by true items that were taken away with them: these items count as lying in the bin."""
         exchanges = self.events(event_types.BinExchangedEvent)
         found: dict[str, str] = {}
-        for true in self.truth.tracks if exchanges else ():
-            gone = self.truth.gone(true)
+        for true in self.bodies.tracks if exchanges else ():
+            gone = self.world.gone(true)
             if gone is None:
                 continue
-            lay = self.bin_at(self.truth.tracks[true].bodies[-1])
+            lay = self.bin_at(self.bodies.tracks[true].bodies[-1])
             times = [at.time for at in exchanges if at.record.bin == lay]
             if any(gone[0] - 1e-6 <= time <= gone[1] + 1e-6 for time in times):
                 found[true] = lay
@@ -154,61 +176,76 @@ class Investigation:
 
         None when it is there at the end, or when it was taken away with its bin.
         """
-        return None if true in self.departed else self.truth.gone(true)
+        return None if true in self.departed else self.world.gone(true)
 
     @cached_property
     def end(self) -> float:
         return self.run.last_tick
 
     @cached_property
-    def arm(self) -> InverseKinematics | None:
-        """Arm's kinematics by the robot file in the log; None when that cannot be read here."""
+    def robot(self) -> RobotDescription | None:
+        """Robot by the files in the log; None when they cannot be read here."""
         if "robot.yaml" not in self.run.log.attachments:
             return None
-        # They are slow to import, and needed for few failures.
-        from picktree.robot.planning import InverseKinematics
-        from picktree.world.robot_model import RobotModel
+        with tempfile.TemporaryDirectory() as folder:
+            try:
+                return CellUnpacking(self.run.log, Path(folder)).robot()
+            except (PicktreeError, OSError, ValueError):
+                return None
+
+    @cached_property
+    def arm(self) -> InverseKinematics | None:
+        """Arm's kinematics; None when the robot cannot be read here."""
+        from picktree.robot.planning import InverseKinematics  # slow to import, and needed for few failures
 
         with tempfile.TemporaryDirectory() as folder:
             try:
-                robot = run_recipe.Unpacking(self.run.log, Path(folder)).robot()
+                robot = CellUnpacking(self.run.log, Path(folder)).robot()
                 return InverseKinematics(RobotModel(robot))
             except (PicktreeError, OSError, ValueError):
                 return None
 
     @cached_property
-    def scores(self) -> Mapping[str, ItemScore]:
-        """Score of each true item at the end; empty when the scene is not known."""
-        if self.scene is None:
-            return {}
-        bodies = [self._true_body(id_) for id_ in self.truth.tracks]
-        found = {str(item.id): item for item in score(bodies, self.scene).items}
-        moving = [replace(each, verdict="left", bin=None) for each in self._moving(found)]
-        return found | {str(each.id): each for each in moving}
+    def gripper(self) -> series.GripperSeries:
+        """Opening and force of the fingers, also of those that a linkage moves; empty without them."""
+        found, joints = self.run.gripper, self.run.joints
+        if len(found.times) or self.robot is None or self.robot.gripper.linkage is None:
+            return found
+        names = self.robot.gripper.joints
+        if not set(names) <= set(joints.names):
+            return found
+        fingers, columns = fingers_of(self.robot.gripper), [joints.column(name) for name in names]
+        widths = [fingers.width(row) for row in joints.positions[:, columns]]
+        both = zip(joints.positions[:, columns], joints.efforts[:, columns], strict=True)
+        return series.GripperSeries(
+            joints.times, np.array(widths), np.array([fingers.force(*each) for each in both])
+        )
 
-    def _moving(self, found: Mapping[str, ItemScore]) -> list[ItemScore]:
-        """Return the items in their bins that the scorer did not count as sorted because they still moved.
+    @property
+    def least_width(self) -> float:
+        """Opening of the shut fingers, m: those of some linkages do not meet."""
+        return 0.0 if self.robot is None else self.robot.gripper.min_width
 
-        The log has no velocities. So these are the fastest items just before the end, as many as the result
-        counts fewer.
-        """
-        result = self.run.result
-        lying = [each for each in found.values() if each.verdict == "sorted"]
-        number = 0 if result is None else len(lying) - result.items.sorted
-        fast = sorted(lying, key=lambda each: -self.truth.tracks[str(each.id)].last_speed)
-        return [
-            each
-            for each in fast[: max(0, number)]
-            if self.truth.tracks[str(each.id)].last_speed > MAX_REST_SPEED
-        ]
+    def opens(self, start: float, end: float) -> float:
+        """Return the time at which a skill opens the hand between two times, s; else the later one."""
+        return min((s.start for s in self.steps("release") if start < s.start <= end + 1e-6), default=end)
+
+    def steps(self, name: str) -> list[node_visits.SkillStep]:
+        """Return the steps of skills with this name, such as `close`, in the order of their ends."""
+        return [step for step in self.run.steps if step.name == name]
+
+    @cached_property
+    def verdicts(self) -> Mapping[str, ItemVerdict]:
+        """Verdict on each item at the end; empty when the scene is not known."""
+        return self.world.verdicts(self)
 
     def name_of(self, true: str) -> str:
         """Return the name of a true item for a reader: its believed name, or else a description."""
         names = self.believed.get(true, ())
         if names:
             return names[0]
-        first = self.truth.tracks[true].first
-        return f"the {first.colour} {first.kind} ({true})"
+        track = self.bodies.tracks.get(true)
+        return true if track is None else f"the {track.first.colour} {track.first.kind} ({true})"
 
     def entry(self, item: str) -> CatalogueEntry | None:
         """Return the catalogue entry of a believed item's kind."""
@@ -217,7 +254,7 @@ class Investigation:
 
     def entry_of(self, true: str) -> CatalogueEntry | None:
         """Return the catalogue entry of a true item's kind."""
-        track = self.truth.tracks.get(true)
+        track = self.bodies.tracks.get(true)
         return None if track is None else self._catalogue.get(track.first.kind)
 
     @cached_property
@@ -256,22 +293,23 @@ class Investigation:
         return found
 
     def hand(self, time: float) -> Vector3 | None:
-        """Return the position of the fingers in the world, m; None when the log lacks it."""
+        """Return the position of the TCP in the world, m; None when the log lacks it."""
         at = self.run.log.transforms_at(time)
         if at is None:
             return None
-        fingers = [
-            t.pose.apply(np.zeros(3)) for t in at.record if "finger" in t.child and "tip" not in t.child
-        ]
-        if not fingers:
-            return None
-        return vector3(np.mean(fingers, axis=0))
+        if self.robot is not None:
+            link, tcp = self.robot.tcp_link, self.robot.tcp_in_link
+            poses = [t.pose for t in at.record if t.child == link]
+            if poses:
+                return vector3((poses[0] @ tcp).position)
+        fingers = [t.pose.position for t in at.record if "finger" in t.child and "tip" not in t.child]
+        return vector3(np.mean(fingers, axis=0)) if fingers else None
 
     def something_near(self, time: float) -> bool:
         """Whether an obstacle, or an item that is not believed in the hand, was truly near hand or arm."""
         hand = self.hand(time)
         held = {self.pairs.get(b.id, "") for b in self.believed_at(time) if b.attached}
-        items = (body for name, body in self.truth.there(time) if name not in held)
+        items = (body for name, body in self.bodies.there(time) if name not in held)
         return bool(self.obstacles_near(time)) or any(
             hand is not None and math.dist(hand, body.pose.position) < HAND_RANGE for body in items
         )
@@ -280,13 +318,19 @@ class Investigation:
         """Return the obstacles near hand and arm that the robot did not know, the nearest first."""
         found: list[tuple[float, str]] = []
         links = self.links(time)
-        for name, body in self.obstacles.there(time) if len(links) else ():
+        for name, body in self.obstacles_at(time) if len(links) else ():
             low, high = extents(body.shape, np.eye(3))
             local = body.pose.inverse().apply(links)
             away = np.linalg.norm(np.maximum(np.maximum(low - local, local - high), 0.0), axis=1)
             if float(away.min()) < ARM_RANGE:
                 found.append((float(away.min()), name))
         return [name for _, name in sorted(found)]
+
+    def obstacles_at(self, time: float) -> list[tuple[str, log_records.BodyRecord]]:
+        """Return the obstacles at that time. The camera may show one later than it arrived."""
+        if self.world.is_true:
+            return self.obstacles.there(time)
+        return [(name, track.last) for name, track in self.obstacles.tracks.items()]
 
     def in_the_air(self, body: log_records.BodyRecord) -> bool:
         """Whether a true item is well above the table, and next to no bin, fixture or obstacle."""
@@ -305,7 +349,7 @@ class Investigation:
 
     def obstacle_at(self, seen: log_records.BodyRecord) -> str:
         """Return the obstacle at the believed place of a body; empty without one."""
-        for name, body in self.obstacles.there(seen.last_seen + 1.0):
+        for name, body in self.obstacles_at(seen.last_seen + 1.0):
             low, high = extents(body.shape, body.pose.rotation())
             if float(np.abs(np.subtract(body.pose.position, seen.pose.position)).max()) < float(
                 (high - low).max()
@@ -325,29 +369,6 @@ class Investigation:
         ]
         points = np.array(frames).reshape(-1, 3)
         return np.vstack([points, (points[1:] + points[:-1]) / 2])
-
-    def _true_body(self, id_: str) -> TrueBody:
-        track = self.truth.tracks[id_]
-        last = track.bodies[-1]
-        present = self.gone(id_) is None
-        entry = self._catalogue.get(last.kind)
-        form = entry.form if entry else "box"
-        return TrueBody(
-            last.kind,
-            form,
-            last.shape,
-            last.colour,
-            last.pose,
-            id=ObjectId(id_),
-            present=present,
-            seat=last.seat,
-            crushed=max(
-                (at.record.force for at in self.events(event_types.CrushedEvent) if at.record.object == id_),
-                default=0.0,
-            ),
-            mass=last.mass if isinstance(last, log_records.ThingRecord) else entry.mass if entry else None,
-            tag=last.tag if isinstance(last, log_records.ThingRecord) else None,
-        )
 
     @property
     def fixtures(self) -> Mapping[str, Fixture]:
@@ -382,6 +403,11 @@ class Investigation:
             mass, size, tag = body.mass, size if body.size is None else body.size, body.tag
         item = destinations.ItemTraits(body.colour, body.form, body.kind, mass, size, tag)
         return str(destinations.destination_rule(self.scene.destinations)(item) or "")
+
+    def container(self, place: str) -> str:
+        """Return a believed place when it is a bin or a hole; else an empty text."""
+        holes = (str(hole.id) for fixture in self.fixtures.values() for hole in fixture.holes)
+        return place if place in self.bins or place in set(holes) else ""
 
     def bin_at(self, body: log_records.BodyRecord) -> str:
         """Return the bin or hole in which the body is; empty outside of all."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from picktree.files import listed
 from picktree.logs import CameraImage, Stamped
-from picktree.robot.perception import PosedCamera, depth_noise, noise_factor
+from picktree.robot.perception import BackgroundModel, PosedCamera, depth_noise, noise_factor, table_of
 from picktree.world import Array, event_types, extents
 
 from .case import ARM_RANGE, Investigation
@@ -36,7 +36,7 @@ from .identities import MAX_AGE, Sighting
 
 PLACE_FAILURES = (
     "grasp.*", "world.*", "safety.*", "planning.start_in_collision", "planning.goal_in_collision",
-    "control.*", "place.*", "perception.not_found", "push.*", "insert.*",
+    "control.*", "place.*", "perception.not_found", "push.*", "insert.*", "feed.*",
 )  # fmt: skip
 """Failures that an item at a wrong place may cause."""
 
@@ -90,7 +90,7 @@ def explain_hidden_by_arm(case: Investigation, true: str) -> Finding | None:
     cameras = {c.name: c for c in case.scene.cameras} if case.scene else {}
     found: list[tuple[Stamped[CameraImage], float]] = []
     for shot in case.once(looks):
-        body, image = case.truth.at(true, shot.time), shot.record
+        body, image = case.bodies.at(true, shot.time), shot.record
         if body is None:
             continue
         sight = PosedCamera.at(image.intrinsics, cameras[image.camera].pose)
@@ -111,7 +111,7 @@ def explain_hidden_by_arm(case: Investigation, true: str) -> Finding | None:
     shot, height = found[0]
     camera, robot = shot.record.camera, case.run.info.robot
     title = f"the arm hides items on the table from the camera {camera}"
-    at = case.truth.tracks[true].first.pose.position
+    at = case.bodies.tracks[true].first.pose.position
     reasons = (
         f"{case.name_of(true)} lies at {place(at)}: the image of {seconds(shot.time)} shows the arm there, "
         f"{distance(height)} above it",
@@ -138,21 +138,23 @@ def camera_frozen(case: Investigation) -> Iterator[DeviceFinding]:
     for name, taken in shots.items():
         same = [(a, b) for a, b in pairwise(taken) if np.array_equal(a.record.depth, b.record.depth)]
         noisy = [(a, b) for a, b in same if depth_noise(a.record.depth)[0] > LEAST_NOISE]
-        frozen = noisy or [pair for pair in same if _shifted(case, pair[0].time, pair[1].time)]
+        shown = next((a.time for a, b in same if _shifted(case, a.time, b.time)), math.inf)
+        frozen = noisy or [pair for pair in same if pair[0].time >= shown]
         if frozen:
             start, end = frozen[0][0].time, frozen[-1][1].time
             why = "and the camera has noise" if noisy else "though items were moved"
             reasons = (f"its images of {seconds(start)} and {seconds(end)} are the same, {why}",)
             yield DeviceFinding(
                 Finding("camera.frozen", name, _stands_still(name, start), reasons, "", start),
-                ((start, end),), (*PLACE_FAILURES, "perception.*", "tree.timeout"), 20.0,
+                _runs([shot.time for pair in frozen for shot in pair], [shot.time for shot in taken]),
+                (*PLACE_FAILURES, "perception.*", "tree.timeout"), 0.5,
             )  # fmt: skip
 
 
 def _shifted(case: Investigation, start: float, end: float) -> bool:
     """Whether an item of one image was truly at another place at the time of the next image."""
     shown = {each.true for each in case.identities.sightings if -IMAGE_DELAY <= each.time - start < MAX_AGE}
-    moved = ((case.truth.at(true, start), case.truth.at(true, end)) for true in shown - {""})
+    moved = ((case.bodies.at(true, start), case.bodies.at(true, end)) for true in shown - {""})
     return any(a and (not b or math.dist(a.pose.position, b.pose.position) > MIN_SHIFT) for a, b in moved)
 
 
@@ -172,8 +174,9 @@ def camera_noisy(case: Investigation) -> Iterator[DeviceFinding]:
             f"its depth was as noisy as this in {counted(len(times), 'image')}, {listed_spans(times)}",
         )
         yield DeviceFinding(
-            Finding("camera.noisy", name, title, reasons, "", times[0][0]), tuple(times),
-            (*PLACE_FAILURES, "perception.*", "planning.*"), 20.0,
+            Finding("camera.noisy", name, title, reasons, "", times[0][0]),
+            _runs([time for time, _ in times], sorted(case.run.images.times)),
+            (*PLACE_FAILURES, "perception.*", "planning.*"), 0.5,
         )  # fmt: skip
 
 
@@ -181,6 +184,95 @@ MIN_OFFSET = 0.006
 """Mean offset of belief from truth above which the camera is the cause, m."""
 MAX_SCATTER = 0.5
 """Maximum scatter of the offsets of single items, as a share of their mean."""
+
+
+def camera_displaced(case: Investigation) -> Iterator[DeviceFinding]:
+    """Find a displaced camera by its images: bins and fixtures appear beside their places."""
+    scene = case.scene
+    table = None if scene is None else table_of(scene)
+    if scene is None:
+        return
+    cameras = {c.name: c for c in scene.cameras}
+    expected: dict[str, tuple[Array, float]] = {}
+    found: dict[str, list[tuple[float, tuple[float, float]]]] = defaultdict(list)
+    times: dict[str, list[float]] = defaultdict(list)
+    for shot in case.once(looks):
+        image, name = shot.record, shot.record.camera
+        if name not in expected:
+            sight = PosedCamera.at(image.intrinsics, cameras[name].pose)
+            top = 0.0 if table is None else table.pose.position[2] + extents(table.shape, np.eye(3))[1][2]
+            expected[name] = BackgroundModel.of(scene, sight, table, top).depth, image.intrinsics.fx
+        times[name].append(shot.time)
+        if (shift := background_shift(image.depth.astype(np.float64), *expected[name])) is not None:
+            found[name].append((shot.time, shift))
+    for name, shifts in found.items():
+        ways = np.array([shift for _, shift in shifts])
+        across, down = np.median(ways, axis=0)
+        size, start = math.hypot(across, down), shifts[0][0]
+        title = (
+            f"the camera {name} is {distance(size)} from its believed pose: every object is believed "
+            "at a wrong place"
+        )
+        reasons = (
+            f"bins and fixtures appear {distance(abs(float(across)))} across and "
+            f"{distance(abs(float(down)))} down in its image from where the scene has them, "
+            f"at {listed_times([time for time, _ in shifts])}",
+        )
+        spans = _runs([time for time, _ in shifts], sorted(times[name]))
+        yield DeviceFinding(
+            Finding("camera.off", f"the camera {name}", title, reasons, "", start), spans, PLACE_FAILURES, 0.5
+        )
+
+
+MAX_PIXELS = 20
+"""Greatest shift of the image that is looked for, pixels."""
+MIN_PIXELS = 1.5
+"""Least shift that counts as a displacement, pixels."""
+EDGE_STEP = 0.01
+"""Step of the expected depth that makes an edge, m."""
+MAX_DEPTH_ERROR = 0.05
+"""Error of a pixel's depth above which it counts no more: something hides the edge, m."""
+MAX_COST_SHARE = 0.6
+"""Share of the error at the believed pose below which another pose is the true one."""
+MAX_EDGE_PIXELS = 3000
+"""Number of pixels at edges that are compared."""
+
+
+def background_shift(depth: Array, expected: Array, focal: float) -> tuple[float, float] | None:
+    """Return the shift between a depth image and the expected one of the empty scene (h, w): right and down
+    at the edges' depth, m. None without a clear shift."""
+    model = np.where(np.isfinite(expected), expected, 0.0)
+    steps = np.maximum(
+        np.abs(np.diff(model, axis=1, prepend=model[:, :1])),
+        np.abs(np.diff(model, axis=0, prepend=model[:1])),
+    )
+    edge = steps > EDGE_STEP
+    near = edge.copy()
+    for by in (-2, -1, 1, 2):
+        near |= np.roll(edge, by, 0) | np.roll(edge, by, 1)
+    inside = np.zeros_like(near)
+    inside[MAX_PIXELS:-MAX_PIXELS, MAX_PIXELS:-MAX_PIXELS] = True
+    rows, columns = np.nonzero(near & inside & (model > 0.0))
+    every = max(1, len(rows) // MAX_EDGE_PIXELS)
+    rows, columns = rows[::every], columns[::every]
+    wanted = model[rows, columns]
+    if len(rows) < 100:
+        return None
+
+    def cost(down: int, right: int) -> float:
+        shown = depth[rows + down, columns + right]
+        seen = shown > 0.0
+        if int(seen.sum()) < len(rows) // 2:
+            return MAX_DEPTH_ERROR
+        return float(np.minimum(np.abs(shown - wanted), MAX_DEPTH_ERROR)[seen].mean())
+
+    reach = range(-MAX_PIXELS, MAX_PIXELS + 1)
+    here = cost(0, 0)
+    best, down, right = min((cost(v, u), v, u) for v in reach for u in reach)
+    if math.hypot(down, right) < MIN_PIXELS or best > MAX_COST_SHARE * here:
+        return None
+    scale = float(np.median(wanted)) / focal
+    return right * scale, down * scale
 
 
 def camera_off(case: Investigation) -> Iterator[DeviceFinding]:
@@ -223,14 +315,15 @@ def camera_off(case: Investigation) -> Iterator[DeviceFinding]:
 
 
 def cameras_off(case: Investigation) -> tuple[DeviceFinding, ...]:
-    """Return the findings about cameras that are not at their believed poses."""
-    return tuple(camera_off(case))
+    """Return the findings about cameras that are not at their believed poses: by their images, else by the
+    items."""
+    return tuple(camera_displaced(case)) or tuple(camera_off(case))
 
 
 def explain_displaced_camera(case: Investigation, item: str, time: float) -> Finding | None:
     """Return the finding about a displaced camera whose image was the last of the item before that time."""
     seen = [each for each in case.identities.by_item.get(item, ()) if each.time <= time + 1e-6]
-    if not seen or math.hypot(*seen[-1].off) < MIN_OFFSET:
+    if not seen or (case.world.is_true and math.hypot(*seen[-1].off) < MIN_OFFSET):
         return None
     last = seen[-1].time
     return next(
@@ -281,6 +374,8 @@ FORCE_FAILURES = (
     "safety.*",
     "control.*",
     "place.*",
+    "insert.*",
+    "push.*",
     "planning.start_in_collision",
 )
 """Failures that a wrong force reading of the wrist may cause."""
@@ -343,7 +438,10 @@ MIN_BIAS = 5.0
 def wrist_biased(case: Investigation) -> Iterator[DeviceFinding]:
     """Find a biased wrist sensor: a lasting step between its readings and the true forces."""
     states = [s for s in case.devices if s.wrench]
-    readings, gripper = case.run.wrenches, case.run.gripper
+    if not states:
+        yield from _bias_of_empty_hand(case)
+        return
+    readings, gripper = case.run.wrenches, case.gripper
     at_rest = case.run.info.continues is None and case.run.log.part == 1
     if len(states) < 5 or not len(readings.times) or not at_rest:
         return
@@ -370,6 +468,72 @@ def wrist_biased(case: Investigation) -> Iterator[DeviceFinding]:
             ((start - 0.5, spans[-1][1]),),
             FORCE_FAILURES,
         )
+
+
+def _bias_of_empty_hand(case: Investigation) -> Iterator[DeviceFinding]:
+    """Find a biased wrist sensor without true forces: an empty hand that is far from everything feels a
+    force, and feels it wherever it goes."""
+    readings, gripper, joints = case.run.wrenches, case.gripper, case.run.joints
+    times = readings.times
+    if len(times) < 5 or not len(gripper.times):
+        return
+    size = np.linalg.norm(
+        np.stack([median_of_neighbours(axis) for axis in readings.forces.T], axis=1), axis=1
+    )
+    fastest: Array = np.abs(joints.velocities).max(axis=1, initial=0.0)
+    speed: Array = np.interp(times, joints.times, fastest)
+    pressing = np.interp(times, gripper.times, gripper.forces) > 1.0
+    for visit in case.family.visits:
+        if visit.id in CONTACT_SKILLS:
+            pressing |= (times >= visit.start) & (times <= visit.end)
+    for at in case.belief.tracks.values():  # what the hand holds is felt
+        held = np.array([t for t, body in zip(at.times, at.bodies, strict=True) if body.attached])
+        if len(held):
+            pressing |= (times >= held[0] - 0.1) & (times <= held[-1] + 0.3)
+    felt = (size > np.where(speed < REST_SPEED, MIN_BIAS, SWING_FORCE)) & ~pressing
+    silent = [span for find in (wrist_silent, joint_weak) for found in find(case) for span in found.spans]
+    lasting = [
+        span
+        for span in _lasting(_spans(times, felt, 0.5))
+        if not any(x <= span[1] and span[0] <= y for x, y in silent)
+    ]
+    sizes = {span: float(np.median(size[(times >= span[0]) & (times <= span[1])])) for span in lasting}
+    sure = [span for span in lasting if _goes_far(case, *span) or _steps_at_rest(span[0], times, speed)]
+    if sure:
+        most = sizes[sure[0]]
+        spans = [span for span in lasting if abs(sizes[span] - most) < SAME_BIAS * most]
+        start = spans[0][0]
+        title = f"the wrist sensor read {force(most)} that were not there, from {seconds(start)} on"
+        reasons = (f"the empty hand felt this wherever it went {listed_spans(spans)}",)
+        yield DeviceFinding(
+            Finding("wrist.biased", "wrist", title, reasons, "", start),
+            ((start - 0.5, spans[-1][1]),),
+            FORCE_FAILURES,
+        )
+
+
+CONTACT_SKILLS = frozenset({"Push", "Insert", "Extract", "MakeRoom", "Probe", "Jog", "Stir"})
+"""Skills whose empty hand touches things on purpose."""
+SAME_BIAS = 0.2
+"""Difference of two forces, as a share, up to which they are the same bias."""
+FAR_WAY = 0.05
+"""Motion of the hand during which no contact keeps its force, m."""
+
+
+def _steps_at_rest(start: float, times: Array, speed: Array) -> bool:
+    """Whether the arm was at rest when a force began: nothing can have been touched."""
+    before = (times > start - REST_TIME) & (times <= start + 1e-6)
+    return bool(before.any()) and float(speed[before].max()) < STILL_SPEED
+
+
+REST_TIME, STILL_SPEED = 0.16, 0.02
+"""Time before a force, s, in which no joint was faster than this, rad/s, when no contact caused it."""
+
+
+def _goes_far(case: Investigation, start: float, end: float) -> bool:
+    """Whether the hand moved far between two times."""
+    hands = [hand for time in np.linspace(start, end, 8) if (hand := case.hand(float(time))) is not None]
+    return any(math.dist(hands[0], hand) > FAR_WAY for hand in hands)
 
 
 SWING_FORCE = 7.0
@@ -427,8 +591,39 @@ def joint_weak(case: Investigation) -> Iterator[DeviceFinding]:
             reasons.append(f"its torque stayed at {abs(float(np.median(efforts))):.0f} Nm all that time")
         yield DeviceFinding(
             Finding("joint.weak", arm[joint], title, tuple(reasons), "", spans[0][0], sure),
-            spans, ("control.*", "safety.*", "world.disturbed", "grasp.*"), 10.0,
+            spans, JOINT_FAILURES, 10.0,
         )  # fmt: skip
+
+
+def joint_saturated(case: Investigation) -> Iterator[DeviceFinding]:
+    """Find a weak joint under torque control: its torque stays at one value while those of others change."""
+    controls, joints = case.run.controls, case.run.joints
+    arm = [name for name in case.run.joint_names[0] if name in joints.names]
+    if not controls.errors.size or len(joints.times) < 3:
+        return
+    compliant = np.isnan(controls.errors).all(axis=1).astype(float)
+    soft = np.interp(joints.times[1:], controls.times, compliant) > 0.5
+    efforts = joints.efforts[:, [joints.column(name) for name in arm]]
+    change = np.abs(np.diff(efforts, axis=0))
+    flat = (change < 1e-6 * np.abs(efforts).max(axis=0)) & (np.abs(efforts[1:]) > MIN_TORQUE)
+    for joint, name in enumerate(arm):
+        others = np.delete(change, joint, axis=1).max(axis=1) > 1e-3
+        spans = _lasting(_spans(joints.times[1:], soft & flat[:, joint] & others, 0.15))
+        if not spans:
+            continue
+        torque = abs(float(np.interp(spans[0][0] + 0.05, joints.times, efforts[:, joint])))
+        title = f"{name} was too weak: its torque stayed at {torque:.1f} Nm while the arm was compliant"
+        reasons = (f"its torque did not change {listed_spans(spans)}, and those of the others did",)
+        yield DeviceFinding(
+            Finding("joint.weak", name, title, reasons, "", spans[0][0]), spans,
+            JOINT_FAILURES, 3.0,
+        )  # fmt: skip
+
+
+JOINT_FAILURES = ("control.*", "safety.*", "world.disturbed", "grasp.*", "place.*", "insert.*", "push.*")
+"""Failures that a weak joint may cause."""
+MIN_TORQUE = 0.3
+"""Torque below which a joint may be at rest without being weak, Nm."""
 
 
 def arm_stalled(case: Investigation) -> Iterator[DeviceFinding]:
@@ -459,14 +654,16 @@ def arm_stalled(case: Investigation) -> Iterator[DeviceFinding]:
         time = float(joints.times[tick + 1])
         if not stuck[tick] and not any(-0.11 < stop - time < 0.4 for stop in stops):
             continue
-        if case.something_near(time):
-            continue
+        if case.run.info.backend != "kinematic" and _met_something(case, time):
+            continue  # without physics nothing stops the arm
         rest = np.flatnonzero(speed[tick + 20 :].max(axis=1) > MIN_SPEED)
         end = float(joints.times[tick + 20 + rest[0]]) if len(rest) else case.end
         title = f"the arm did not move from {seconds(time)} on though it was commanded to: no drive followed"
         reasons = (
             f"{int(moving[tick].sum())} joints stopped together, faster than they brake",
-            *(("truly nothing was near the arm",) if case.truth.times else ()),
+            f"{case.truly}nothing was near the arm"
+            if case.world.is_true
+            else "nothing known was near the arm",
         )
         yield DeviceFinding(
             Finding("arm.stalled", "arm", title, reasons, "", time),
@@ -475,11 +672,52 @@ def arm_stalled(case: Investigation) -> Iterator[DeviceFinding]:
         return
 
 
+def arm_stalled_softly(case: Investigation) -> Iterator[DeviceFinding]:
+    """Find stalls of a compliant arm: it is to follow a path, feels nothing, and no joint moves."""
+    controls, joints = case.run.controls, case.run.joints
+    arm = [joints.column(name) for name in case.run.joint_names[0] if name in joints.names]
+    if not controls.errors.size or not arm or len(joints.times) < 3:
+        return
+    soft = np.array([name in SOFT_CONTROLLERS for name in controls.controllers]).astype(float)
+    follows = np.array([name == "SoftTrack" for name in controls.controllers])
+    still = np.abs(np.diff(joints.positions[:, arm], axis=0)).max(axis=1) < STILL_WAY
+    wanted = np.interp(joints.times[1:], controls.times, soft) > 0.5
+    for start, end in _spans(joints.times[1:], still & wanted, 0.5):
+        tracked = follows[(controls.times >= start) & (controls.times <= end)]
+        if end - start < MIN_STALL or not tracked.any() or _met_something(case, (start + end) / 2):
+            continue
+        title = f"the arm did not move from {seconds(start)} on though it was commanded to: no drive followed"
+        reasons = (
+            f"it was to follow a path compliantly, felt nothing, and did not move {between(start, end)}",
+        )
+        yield DeviceFinding(
+            Finding("arm.stalled", "arm", title, reasons, "", start),
+            ((start - 0.1, end),), (*STALL_FAILURES, "grasp.*"), 3.0,
+        )  # fmt: skip
+        return
+
+
+SOFT_CONTROLLERS = ("Comply", "SoftTrack")
+"""Controllers that give way, by their names in the log."""
+STILL_WAY, MIN_STALL = 2e-5, 1.0
+"""Motion of a joint within a tick below which it is at rest, rad; least duration of a stall, s."""
+
+
+def _met_something(case: Investigation, time: float) -> bool:
+    """Whether a body stopped the arm: an obstacle near it, or an item at a hand that feels it."""
+    readings = case.run.wrenches
+    here = np.abs(readings.times - time) < CONTACT_TIME
+    felt = float(np.linalg.norm(readings.forces[here], axis=1).max()) if bool(here.any()) else 0.0
+    return bool(case.obstacles_near(time)) or (felt > CONTACT_FORCE and case.something_near(time))
+
+
+CONTACT_TIME, CONTACT_FORCE = 0.2, 4.0
+"""Time around a stop in which the wrist feels a contact at the hand, s, and the least force of one, N."""
 MIN_JOINTS = 3
 """Least number of joints in motion before a stall."""
 MIN_SPEED = 0.3
 """Speed above which a joint follows its commands again, rad/s."""
-STALL_FAILURES = ("control.*", "safety.*", "world.disturbed", "tree.timeout")
+STALL_FAILURES = ("control.*", "safety.*", "world.disturbed", "tree.timeout", "insert.*", "push.*")
 """Failures that a stalled arm may cause."""
 MIN_ERROR = 0.01
 """Least tracking error of a stalled joint, rad."""
@@ -503,20 +741,25 @@ def gripper_faulty(case: Investigation) -> Iterator[DeviceFinding]:
             title = f"the gripper is too weak: its fingers press with {felt}"
         yield DeviceFinding(
             Finding(cause, "gripper", title, (failure.message,), "", failure.time),
-            ((start, failure.time),), ("control.gripper", "grasp.*", placing), 5.0,
+            ((start, failure.time),), ("control.gripper", "grasp.*", placing, "insert.*"), 5.0,
         )  # fmt: skip
 
 
 def fingers_stuck(case: Investigation) -> Iterator[DeviceFinding]:
-    """Find fingers that do not open on command, although nothing can hold them."""
-    gripper, states = case.run.gripper, case.devices
+    """Find fingers that do not open on command, or stay open and press on nothing when they should close."""
+    gripper, states = case.gripper, case.devices
     if not len(gripper.times) or len(states) < 2:
+        yield from _stuck_in_steps(case)
         return
     times = np.array([s.time for s in states])
     width = np.interp(times, gripper.times, gripper.widths)
     before = np.interp(times - 0.2, gripper.times, gripper.widths)
+    pressed = np.interp(times, gripper.times, gripper.forces)
     commanded = np.array([s.told_width for s in states])
-    stuck = (commanded > width + MIN_JAM) & (np.abs(width - before) < 5e-4)
+    told = np.array([s.told_force for s in states])
+    still = np.abs(width - before) < 5e-4
+    open_ = (commanded < width - MIN_JAM) & (width > float(gripper.widths.max()) - 1e-3)
+    stuck = still & ((commanded > width + MIN_JAM) | (open_ & (pressed < WEAK_SHARE * told)))
     spans = _lasting(_spans(times, stuck))
     if spans:
         at, wanted = float(width[stuck][0]), float(commanded[stuck][0])
@@ -524,19 +767,44 @@ def fingers_stuck(case: Investigation) -> Iterator[DeviceFinding]:
         reasons = (f"the command was {1000 * wanted:.0f} mm, and they did not move {listed_spans(spans)}",)
         yield DeviceFinding(
             Finding("gripper.jammed", "gripper", title, reasons, "", spans[0][0]), spans,
-            ("control.gripper", "grasp.*", "place.*"), 5.0,
+            ("control.gripper", "grasp.*", "place.*", "insert.*", "push.*"), 5.0,
         )  # fmt: skip
 
 
+def _stuck_in_steps(case: Investigation) -> Iterator[DeviceFinding]:
+    """Find fingers that do not move in a step that closes or opens them."""
+    gripper = case.gripper
+    spans: list[tuple[float, float]] = []
+    for step in (*case.steps("close"), *case.steps("release")):
+        here = (gripper.times >= step.start - 1e-6) & (gripper.times <= step.end + 1e-6)
+        widths, forces = gripper.widths[here], gripper.forces[here]
+        long = step.end - step.start > MIN_STEP_TIME and len(widths) > 2
+        presses = step.name == "close" and len(forces) and float(forces[-1]) > 1.0
+        if long and float(np.ptp(widths)) < 1e-3 and not presses:
+            spans.append((step.start, step.end))
+    if spans:
+        spans.sort()
+        at = float(np.interp(spans[0][0], gripper.times, gripper.widths))
+        title = f"the fingers are stuck at {1000 * at:.0f} mm: they did not follow the command"
+        reasons = (f"the command was to move, and they did not {listed_spans(spans)}",)
+        yield DeviceFinding(
+            Finding("gripper.jammed", "gripper", title, reasons, "", spans[0][0]), tuple(spans),
+            ("control.gripper", "grasp.*", "place.*", "insert.*", "push.*"), 5.0,
+        )  # fmt: skip
+
+
+MIN_STEP_TIME = 0.4
+"""Least duration of a step in which fingers must have moved, s."""
 MIN_JAM = 0.006
 """Least difference between commanded and measured opening of stuck fingers, m."""
 
 
 def fingers_press_too_little(case: Investigation) -> Iterator[DeviceFinding]:
     """Find a weak gripper: fingers at rest on an item press with too little force in several readings."""
-    gripper = case.run.gripper
+    gripper = case.gripper
     states = [s for s in case.devices if s.told_force > 0.0]
     if not len(gripper.times) or not states:
+        yield from _weak_picks(case)
         return
     times = np.array([s.time for s in states])
     width = np.interp(times, gripper.times, gripper.widths)
@@ -554,7 +822,27 @@ def fingers_press_too_little(case: Investigation) -> Iterator[DeviceFinding]:
         reasons = (f"its fingers rested on something with that force {listed_spans(spans)}",)
         yield DeviceFinding(
             Finding("gripper.weak", "gripper", title, reasons, "", spans[0][0]), spans,
-            ("control.gripper", "grasp.*", "place.missed"), 3.0,
+            ("control.gripper", "grasp.*", "place.missed", "insert.*"), 3.0,
+        )  # fmt: skip
+
+
+def _weak_picks(case: Investigation) -> Iterator[DeviceFinding]:
+    """Find a weak gripper by its picks: each names the commanded force."""
+    gripper, found = case.gripper, list[tuple[float, float]]()
+    for at in case.events(event_types.PickEvent):
+        here = (gripper.times > at.time - 0.3) & (gripper.times <= at.time + 1e-6)
+        told, width = at.record.force, at.record.width or 0.0
+        if told and width > case.least_width + 0.004 and here.any():
+            share = float(np.median(gripper.forces[here])) / told
+            found += [(at.time, share)] if share < WEAK_SHARE else []
+    if found:
+        share = float(np.median([share for _, share in found]))
+        title = f"the gripper presses with {100 * share:.0f} % of the commanded force"
+        reasons = (f"its fingers held something with that force at {listed_times([t for t, _ in found])}",)
+        yield DeviceFinding(
+            Finding("gripper.weak", "gripper", title, reasons, "", found[0][0]),
+            tuple((time - 1.0, time) for time, _ in found),
+            ("control.gripper", "grasp.*", "place.missed", "insert.*"), 3.0,
         )  # fmt: skip
 
 
@@ -601,9 +889,10 @@ def planner_refuses(case: Investigation) -> Iterator[DeviceFinding]:
     )  # fmt: skip
 
 
-DETECTORS: tuple[Callable[[Investigation], Iterator[DeviceFinding]], ...] = (
-    wrist_silent, arm_stalled, wrist_biased, joint_weak, gripper_faulty, fingers_stuck,
-    fingers_press_too_little, camera_silent, planner_refuses, camera_frozen, camera_noisy, camera_off,
+DETECTORS: tuple[Callable[[Investigation], Iterable[DeviceFinding]], ...] = (
+    wrist_silent, arm_stalled, arm_stalled_softly, wrist_biased, joint_weak, joint_saturated,
+    gripper_faulty, fingers_stuck,
+    fingers_press_too_little, camera_silent, planner_refuses, camera_frozen, camera_noisy, cameras_off,
     colours_mistaken,
 )  # fmt: skip
 

@@ -72,11 +72,14 @@ def holds_runs(where: str) -> bool:
 
 
 def explain_runs(
-    folder: Path, say: Callable[[str], None] = lambda text: None, notes: Sequence[str] = ()
+    folder: Path,
+    say: Callable[[str], None] = lambda text: None,
+    notes: Sequence[str] = (),
+    truth: bool | None = None,
 ) -> ExplainedRuns:
     """Explain all runs of a folder; `say` is called with the number of each.
 
-    `notes`: sentences about what the folder's logs leave out.
+    `notes`: sentences about what the folder's logs leave out. `truth`: as in `explain`.
 
     Raises PicktreeError when the folder holds no log.
     """
@@ -92,7 +95,7 @@ def explain_runs(
         say(f"{number} of {len(logs)}")
         try:
             with Run(log) as run:
-                explanation = explain(run, items=False)
+                explanation = explain(run, items=False, truth=truth)
                 counts = run.operator_figures.runs
         except PicktreeError as error:
             unreadable.append(str(error))

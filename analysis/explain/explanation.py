@@ -33,8 +33,9 @@ def listed_times(found: Sequence[float]) -> str:
 
 
 def between(start: float, end: float) -> str:
-    """Return `between 14.0 and 15.0 s`: the log has samples of the ground truth."""
-    return f"between {start:.1f} and {end:.1f} s"
+    """Return `between 14.0 and 15.0 s`, or `at 14.0 s` for equal times: the log has samples."""
+    first, last = f"{start:.1f}", f"{end:.1f}"
+    return f"at {start:.2f} s" if first == last else f"between {first} and {last} s"
 
 
 def listed_spans(spans: Iterable[tuple[float, float]]) -> str:
@@ -208,6 +209,29 @@ class RootCause:
 
 
 @dataclass(frozen=True, slots=True)
+class ItemVerdict:
+    """Verdict on one item at the end: the scorer's, or the belief's for a log without ground truth."""
+
+    destination: str
+    """Bin, hole or fixture by the scene's rules; empty without one."""
+    bin: str
+    """Bin or hole in which the item rests; empty outside of all."""
+    verdict: str
+    """`sorted`, `misplaced`, `crushed`, `left` or `no destination`."""
+    depth: float | None = None
+    """Depth in a hole, m; None when the item is at none."""
+    reason: str = ""
+    """Reason why an item at a hole is not in it, or why it is lost anywhere."""
+    moving: bool = False
+    """Whether it still moved in its bin."""
+
+    @property
+    def is_in_place(self) -> bool:
+        """Whether the item is where it belongs, or lies in no bin and belongs into none."""
+        return self.verdict in ("sorted", "no destination")
+
+
+@dataclass(frozen=True, slots=True)
 class ItemEvent:
     time: float
     what: str
@@ -272,6 +296,8 @@ class Explanation:
     look_at: tuple[KeyMoment, ...]
     recovery: Episodes
     """Episodes by cause with their attempts and outcomes."""
+    with_truth: bool = True
+    """Whether the ground truth was used."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -139,6 +139,24 @@ MAX_EVENTS = 9
 """Maximum number of events of an item in the text, unless all are requested."""
 
 
+def cause_account(found: Explanation, cause: RootCause) -> str:
+    """Return confidence and consequences of a root cause: goal, items, failures, lost time."""
+    failures = [found.failures[n] for n in cause.failures]
+    status = found.outcome.status
+    if cause.ended_run:
+        weight = "This cost the goal" if status == "incomplete" else "This ended the run"
+    else:
+        recovered = status in ("success", "incomplete")
+        weight = "The run recovered from it" if recovered else "This cause did not end the run"
+    cost = f" ({listed(list(cause.items), 4)})" if cause.items and cause.ended_run else ""
+    text = f"{cause.confidence[0].upper()}{cause.confidence[1:]}. {weight}{cost}"
+    if not failures:
+        return f"{text}." if found.failures else f"{text}, and nothing failed."
+    times = listed([seconds(f.time) for f in failures], 4)
+    took = f", {cause.seconds_lost:.1f} s lost" if cause.seconds_lost >= 0.05 else ""
+    return f"{text}: {counted(len(failures), 'failure')} at {times}{took}."
+
+
 class ExplanationText:
     """Text renderer of an explanation.
 
@@ -195,7 +213,7 @@ class ExplanationText:
             first, *rest = wrapped(cause.title + stop, "     ")
             yield f"  {mark}  {first.strip()}"
             yield from rest
-            yield from wrapped(self._cost(cause), "     ")
+            yield from wrapped(f"[{cause.cause}] {cause_account(self._found, cause)}", "     ")
             for facts, title in (
                 (cause.reasons, ""),
                 (cause.against, "against it: "),
@@ -205,27 +223,6 @@ class ExplanationText:
                     yield from wrapped(f"- {title}{fact}", "     ", "       ")
         if len(shown) < len(causes):
             yield f"  … {counted(len(causes) - len(shown), 'more root cause')} with lower costs (--all)"
-
-    def _cost(self, cause: RootCause) -> str:
-        """Return the consequences of a root cause: goal, failures, lost time."""
-        failures = [self._found.failures[n] for n in cause.failures]
-        status = self._found.outcome.status
-        if cause.ended_run:
-            weight = "This cost the goal" if status == "incomplete" else "This ended the run"
-        else:
-            weight = (
-                "The run recovered from it"
-                if status in ("success", "incomplete")
-                else "This cause did not end the run"
-            )
-        cost = f" ({listed(list(cause.items), 4)})" if cause.items and cause.ended_run else ""
-        text = f"[{cause.cause}] {cause.confidence[0].upper()}{cause.confidence[1:]}. {weight}{cost}"
-        if not failures:
-            return f"{text}." if self._found.failures else f"{text}, and nothing failed."
-        lost = cause.seconds_lost
-        times = listed([seconds(f.time) for f in failures], 4)
-        took = f", {lost:.1f} s lost" if lost >= 0.05 else ""
-        return f"{text}: {counted(len(failures), 'failure')} at {times}{took}."
 
     def _failures(self, everything: bool) -> Iterator[str]:
         """Yield the failures. Many failures are grouped unless `everything` is set."""
@@ -385,7 +382,7 @@ def to_text(
 
 def to_json_text(run: Run, found: Explanation) -> str:
     """Return one JSON object with a trailing newline: outcome, failures, recovery, root_causes, items,
-    look_at."""
+    look_at, with_truth."""
     info = run.info
     outcome = {
         **_plain(found.outcome),
@@ -412,10 +409,16 @@ def to_json_text(run: Run, found: Explanation) -> str:
             ],
         },
         "root_causes": [
-            {**_plain(cause), "confidence_rate": RATES[cause.confidence]} for cause in found.root_causes
+            {
+                **_plain(cause),
+                "confidence_rate": RATES[cause.confidence],
+                "account": cause_account(found, cause),
+            }
+            for cause in found.root_causes
         ],
         "items": [_plain(item) for item in found.items],
         "look_at": [_plain(look) for look in found.look_at],
+        "with_truth": found.with_truth,
     }
     return json.dumps(json.loads(log_records.encode(whole)), ensure_ascii=False, indent=2) + "\n"
 

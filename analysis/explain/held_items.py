@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from picktree.logs import log_records
-from picktree.world import GRAVITY, Array, extents
+from picktree.world import GRAVITY, Array, event_types, extents, matches
+from picktree.world.scene import CatalogueEntry
 
 from .case import Investigation
 from .device_causes import explain_displaced_camera
@@ -25,6 +26,7 @@ from .explanation import (
     place,
     seconds,
 )
+from .seen_world import EMPTY_WIDTH, felt_departure
 
 GRIP_SHARE = 0.5
 """Share of the greatest finger force above which the fingers are taken to press on something."""
@@ -54,19 +56,15 @@ class GripPeriod:
 
 def grip_within(case: Investigation, start: float, end: float) -> GripPeriod | None:
     """Return the last closing between two times (s); None when the fingers did not close."""
-    joints, wrenches = case.run.joints, case.run.wrenches
-    fingers = [n for n, name in enumerate(joints.names) if "finger" in name]
-    if not fingers or not len(joints.times):
-        return None
-    here = np.flatnonzero((joints.times >= start - 1e-6) & (joints.times <= end + 1e-6))
+    gripper, wrenches = case.gripper, case.run.wrenches
+    here = np.flatnonzero((gripper.times >= start - 1e-6) & (gripper.times <= end + 1e-6))
     if not len(here):
         return None
-    width = joints.positions[here][:, fingers].sum(axis=1)
-    efforts = joints.efforts[here][:, fingers].max(axis=1)
+    width, efforts = gripper.widths[here], gripper.forces[here]
     closed = _closing(width, efforts)
     if closed is None:
         return None
-    times = joints.times[here][closed:]
+    times = gripper.times[here][closed:]
     effort = efforts[closed:]
     force = float(effort.max())
     pressing = effort > GRIP_SHARE * force
@@ -120,7 +118,7 @@ IMPACT_SPEED = 0.5
 """Speed relative to the hand, without gravity, that no item reaches by sliding out, m/s."""
 HOLD_FAILURES = (
     "grasp.slipped", "grasp.missed", "place.missed", "world.unknown_object", "perception.not_found",
-    "safety.payload", "control.gripper", "insert.missed", "insert.not_found", "world.disturbed",
+    "safety.payload", "control.gripper", "insert.*", "world.disturbed",
 )  # fmt: skip
 """Failures that the loss of an item from the hand may cause."""
 
@@ -159,10 +157,12 @@ def held_periods(case: Investigation) -> tuple[HeldPeriod, ...]:
 
 
 def _period(case: Investigation, item: str, true: str, start: float, end: float) -> HeldPeriod:
-    track = case.truth.tracks[true]
+    if not case.world.is_true:
+        return HeldPeriod(item, true, start, end, felt_departure(case, item, start, end), unclear=True)
+    track = case.bodies.tracks[true]
     gone = case.gone(true)
     base, before, moving = None, start, None
-    for time, body in track.since(start, end):
+    for time, body in track.since(start, case.opens(start, end)):
         hand = case.hand(time)
         if hand is None:
             continue
@@ -192,7 +192,7 @@ def _flung(case: Investigation, true: str, before: float, time: float) -> bool |
     if state is None or true not in state.motions or here is None or there is None:
         return None
     velocity, _ = state.motions[true]
-    body = case.truth.at(true, time)
+    body = case.bodies.at(true, time)
     if body is None or not case.in_the_air(body):
         return None
     hand = np.subtract(there, here) / max(time - before, 1e-3)
@@ -203,7 +203,7 @@ def _flung(case: Investigation, true: str, before: float, time: float) -> bool |
 
 def explain_drop(case: Investigation, failure: FailureStory) -> Finding | None:
     """Return why an item that was believed in the hand is not there; None when it is, or was never."""
-    if failure.cause not in HOLD_FAILURES:
+    if not any(matches(pattern, failure.cause) for pattern in HOLD_FAILURES):
         return None
     true = case.pairs.get(failure.item)
     periods = [p for p in case.once(held_periods) if p.true == true and p.start <= failure.time + 1e-6]
@@ -228,7 +228,7 @@ def _seen_since(case: Investigation, true: str, since: float, until: float) -> b
 
 
 def _rests(case: Investigation, true: str, time: float) -> bool:
-    track = case.truth.tracks[true]
+    track = case.bodies.tracks[true]
     before, after = track.before(time), track.after(time + 0.2) or track.last
     return before is not None and math.dist(before.pose.position, after.pose.position) < MIN_SEPARATION
 
@@ -236,7 +236,7 @@ def _rests(case: Investigation, true: str, time: float) -> bool:
 def _let_go(case: Investigation, failure: FailureStory, period: HeldPeriod) -> Finding | None:
     """Return the finding that the robot gave up an item which was still between its fingers; else None."""
     time = min(failure.time, period.end)
-    hand, body = case.hand(time), case.truth.at(period.true, time)
+    hand, body = case.hand(time), case.bodies.at(period.true, time) if case.world.is_true else None
     soon = failure.time - period.end < (REPORT_TIME if failure.cause == "grasp.slipped" else LOSS_TIME)
     unfelt = failure.cause == "grasp.slipped" or _given_up_unfelt(case, period, failure)
     if not soon or not unfelt or hand is None or body is None or pressed_from_below(failure):
@@ -248,7 +248,9 @@ def _let_go(case: Investigation, failure: FailureStory, period: HeldPeriod) -> F
     load = number(failure, "load")
     felt = "" if load is None else f": the wrist felt {force(max(load, 0.0))} of its weight"
     title = f"{failure.item} was still in the hand and counted as lost{felt}"
-    reasons = (f"truly its centre was {distance(math.dist(hand, body.pose.position))} from the fingers",)
+    reasons = (
+        f"{case.truly}its centre was {distance(math.dist(hand, body.pose.position))} from the fingers",
+    )
     return Finding("grasp.not_felt", failure.node, title, reasons, failure.item, time)
 
 
@@ -266,8 +268,6 @@ def _given_up_unfelt(case: Investigation, period: HeldPeriod, failure: FailureSt
 REPORT_TIME = 2.0
 """Time within which a failure reports the loss of the item, s."""
 
-EMPTY_WIDTH = 0.002
-"""Opening below which the fingers hold nothing, m."""
 MIN_PUSH = 2.0
 """Negative load above which a body pushes from below, N."""
 
@@ -284,14 +284,16 @@ def explain_departure(case: Investigation, period: HeldPeriod) -> Finding | None
     assert period.left is not None
     start, end = period.left
     gone = case.gone(true)
-    if gone is not None and gone[0] <= end + 1e-6:
+    if gone is not None and gone[0] <= end + 1e-6 and case.world.is_true:
         return None
-    lies = case.truth.tracks[true].before(end + 1.0)
+    lies = case.bodies.tracks[true].before(end + 1.0)
     where = "" if lies is None else f"; it came to lie at {place(lies.pose.position)}"
-    departure = f"truly it left the fingers {between(start, end)}{where}"
+    departure = f"{case.truly}it left the fingers {between(start, end)}{where}"
     until = [f"the robot believed the item in the hand until {seconds(period.end)}"] * (
         period.end - end > 1.0
     )
+    if not case.world.is_true:
+        where = "" if case.gone(true) is None else "; it was not seen again"
     found = _item_deviation(case, item, true, end) or _weak_grip(case, period)
     if found is not None:
         reasons = (*found.reasons, departure, *until)
@@ -307,11 +309,10 @@ def explain_departure(case: Investigation, period: HeldPeriod) -> Finding | None
     sure: Confidence = "likely" if case.devices else "possible"
     title = f"{item} slid out of the fingers {between(start, end)}"
     title += ", though its mass and friction are those of its kind" if case.devices else ""
-    against = (
-        ("the log does not show how fast the item left: something may have knocked it out",)
-        if period.unclear
-        else ()
-    )
+    blow = "the log does not show how fast the item left: something may have knocked it out"
+    against = (blow,) * period.unclear
+    if not case.world.is_true and case.gone(true) is not None:
+        against = ("it was not seen again: it may have been taken out of the hand",)
     return Finding("item.slipped", true, title, (departure, *well, *until), item, start, sure, against)
 
 
@@ -320,7 +321,7 @@ def _item_deviation(case: Investigation, item: str, true: str, time: float) -> F
     entry = case.entry_of(true)
     state = next((s for s in reversed(case.devices) if s.time <= time + 0.25), None)
     if entry is None or state is None:
-        return None
+        return None if entry is None or case.world.is_true else _weighed_deviation(case, true, entry, time)
     mass, friction = state.masses.get(true, entry.mass), state.frictions.get(true, entry.friction)
     if mass > MASS_RATIO * entry.mass:
         title = f"{item} is heavier than its kind: it weighs {mass:.2f} kg"
@@ -331,6 +332,29 @@ def _item_deviation(case: Investigation, item: str, true: str, time: float) -> F
         reasons = (f"by the catalogue a {entry.kind} has {entry.friction:.2f}",)
         return Finding("item.slippery", true, title, reasons, item, time)
     return None
+
+
+def _weighed_deviation(case: Investigation, true: str, entry: CatalogueEntry, time: float) -> Finding | None:
+    """Return the finding that the wrist weighed more than the catalogue says of the kind; else None."""
+    names = case.believed.get(true, ())
+    picks = [at for at in case.events(event_types.PickEvent, end=time + 0.25) if at.record.object in names]
+    loads = [(at.record.load, at) for at in picks if at.record.held and at.record.load is not None]
+    load, at = max(loads, key=lambda each: each[0], default=(0.0, None))
+    weight = entry.mass * GRAVITY
+    if at is None or load < MASS_RATIO * weight + WEIGHING_NOISE:
+        return None
+    item = at.record.object
+    title = f"{item} is heavier than its kind: the wrist weighed {load / GRAVITY:.2f} kg"
+    reasons = (f"by the catalogue a {entry.kind} weighs {entry.mass:.2f} kg",)
+    return Finding("item.heavy", true, title, reasons, item, at.time)
+
+
+LOAD_FAILURES = (
+    "world.disturbed", "safety.force_limit", "control.tracking", "safety.payload", "insert.*", "push.*",
+)  # fmt: skip
+"""Failures that an item's weight may cause."""
+WEIGHING_NOISE = 0.4
+"""Error of a weighing in the hand, N."""
 
 
 def _weak_grip(case: Investigation, period: HeldPeriod) -> Finding | None:
@@ -364,9 +388,9 @@ def _weak_grip(case: Investigation, period: HeldPeriod) -> Finding | None:
         title = f"{item} is heavier than its kind: it slipped under {force(grip.load)}"
         reasons = (f"by the catalogue a {entry.kind} weighs {force(weight)}", pressed, should)
         return Finding("item.heavy", period.true, title, reasons, item, grip.closed, "possible")
-    if grip.load < SLIP_SHARE * holds and not any(
-        p.true == period.true and p.left is None for p in case.once(held_periods) if p is not period
-    ):
+    others = [p for p in case.once(held_periods) if p.true == period.true and p is not period]
+    often = case.world.is_true or any(p.left is not None for p in others)
+    if grip.load < SLIP_SHARE * holds and often and all(p.left is not None for p in others):
         most = (grip.load + 0.05) / (2.0 * grip.force)
         title = f"{item} is slipperier than its kind: its friction is at most {most:.2f}"
         return Finding("item.slippery", period.true, title, (pressed, should), item, grip.closed, "possible")
@@ -375,8 +399,11 @@ def _weak_grip(case: Investigation, period: HeldPeriod) -> Finding | None:
 
 def explain_overweight(case: Investigation, failure: FailureStory) -> Finding | None:
     """Return the finding that the held or lifted item pulled harder than its catalogue weight; else None."""
-    if failure.cause not in ("world.disturbed", "safety.force_limit", "control.tracking", "safety.payload"):
+    if not any(matches(pattern, failure.cause) for pattern in LOAD_FAILURES):
         return None
+    if failure.cause.startswith("push."):  # what is pushed is not in the hand
+        true = case.pairs.get(failure.item, "")
+        return _item_deviation(case, failure.item, true, failure.time) if true else None
     held = next((b for b in case.believed_at(failure.time - 1e-3) if b.attached), None)
     entry = None if held is None else case.entry(held.id)
     if held is None or entry is None or held.id in case.identities.phantoms:

@@ -15,7 +15,8 @@ from .body_tracks import horizontal_distance
 from .case import Investigation
 from .device_causes import explain_displaced_camera
 from .explanation import FailureStory, Finding, between, counted, distance, force, number, place, seconds
-from .held_items import EMPTY_WIDTH, grip_within, held_periods
+from .held_items import grip_within, held_periods
+from .seen_world import EMPTY_WIDTH
 
 MIN_MOVE = 0.015
 """Distance from its last seen place above which a true item has moved, m."""
@@ -27,6 +28,10 @@ PUSH_RANGE = 0.12
 """Distance from the hand within which it may have pushed an item, m."""
 TOUCH_FORCE = 6.0
 """Force on the wrist that indicates a contact, N: more than the swinging hand's own weight causes."""
+CARRIED_WAY, CARRIED_RANGE = 0.06, 0.07
+"""Least motion of an item that the arm carried off, and its greatest distance from the hand then, m."""
+LOSS_MARGIN = 0.6
+"""Time around a loss from the hand in which the item's motion is its fall, s."""
 ABSENCE_TEXT = "the robot's belief does not contain it any more"
 SAMPLE_TIME = 0.1
 """Interval between two samples of the hand's position, s."""
@@ -34,6 +39,7 @@ SEEK_FAILURES = frozenset(
     {
         "grasp.missed", "grasp.slipped", "grasp.no_candidate", "world.unknown_object", "world.disturbed",
         "perception.not_found", "perception.stale", "place.missed",
+        "push.lost_contact", "push.stalled", "push.missed", "insert.missed", "insert.not_found",
     }
 )  # fmt: skip
 """Causes of failure that an item at another place may have."""
@@ -72,9 +78,12 @@ def _taken(case: Investigation, failure: FailureStory, true: str, reached: float
     if gone is None or gone[1] > max(reached, failure.time) + case.sampled:
         return None
     item = failure.item
+    lost = (p.left for p in case.once(held_periods) if p.true == true and p.left is not None)
+    if not case.world.is_true and any(left[0] > gone[0] for left in lost):
+        return None  # it left the hand after it was last seen
     was = case.belief.at(item, gone[0])
     held = was is not None and was.attached
-    last = case.truth.tracks[true].bodies[-1].pose.position
+    last = case.bodies.tracks[true].bodies[-1].pose.position
     title = f"{item} was taken {'out of the hand' if held else 'away'} {between(*gone)}: {ABSENCE_TEXT}"
     reasons = [f"the log has its true place until {seconds(gone[0])} ({place(last)}), and not after that"]
     reasons += _felt_nothing(failure)
@@ -89,7 +98,14 @@ def _moved(
     if believed is None or believed.attached or failure.cause == "grasp.slipped":
         return None
     moving = displacement_since(case, true, _settled(case, item, reached), reached)
-    now = None if moving is None else case.truth.tracks[true].before(max(moving.end, reached))
+    if moving is not None and any(
+        p.true == true
+        and p.left is not None
+        and p.left[0] - LOSS_MARGIN <= moving.start <= p.end + LOSS_MARGIN
+        for p in case.once(held_periods)
+    ):
+        return None  # it fell out of the hand
+    now = None if moving is None else case.bodies.tracks[true].before(max(moving.end, reached))
     if moving is None or now is None or horizontal_distance(now, believed) < MIN_ERROR:
         return None
     pushed, evidence = moved_by_arm(case, true, moving)
@@ -102,13 +118,12 @@ def _moved(
         f"it was last seen at {seconds(believed.last_seen)}, and believed at {place(believed.pose.position)} "
         f"when the hand got there at {seconds(reached)}"
     ]
-    reasons.append(
-        f"truly it was at {place(now.pose.position)}, {distance(horizontal_distance(now, believed))} away"
-    )
+    away = distance(horizontal_distance(now, believed))
+    reasons.append(f"{case.truly}it was at {place(now.pose.position)}, {away} away")
     reasons.append(evidence)
     reasons += _felt_nothing(failure)
     cause = "item.pushed_by_arm" if pushed else "item.moved"
-    lay = case.truth.tracks[true].before(moving.start)
+    lay = case.bodies.tracks[true].before(moving.start)
     inside = "" if lay is None else case.bin_at(lay)
     if inside and not pushed and case.bin_at(now) != inside:
         cause = "item.left_bin"
@@ -124,7 +139,7 @@ def _settled(case: Investigation, item: str, until: float) -> float:
 
 def displacement_since(case: Investigation, true: str, seen: float, until: float) -> ItemDisplacement | None:
     """Return the displacement of a true item between two times; None without one, or for a carried item."""
-    track = case.truth.tracks[true]
+    track = case.bodies.tracks[true]
     bodies = [
         (t, b) for t, b in zip(track.times, track.bodies, strict=True) if seen <= t <= until + case.sampled
     ]
@@ -146,7 +161,9 @@ def displacement_since(case: Investigation, true: str, seen: float, until: float
 
 def moved_by_arm(case: Investigation, true: str, moving: ItemDisplacement) -> tuple[bool, str]:
     """Return whether the arm moved the item, and the evidence for it."""
-    track = case.truth.tracks[true]
+    if not case.world.is_true:
+        return False, "no look shows what moved it"
+    track = case.bodies.tracks[true]
     body, after = track.before(moving.start) or track.first, track.after(moving.end) or track.bodies[-1]
     times = np.arange(moving.start, moving.end + 1e-6, SAMPLE_TIME)
     where = [(float(time), hand) for time in times if (hand := case.hand(float(time))) is not None]
@@ -161,9 +178,12 @@ def moved_by_arm(case: Investigation, true: str, moving: ItemDisplacement) -> tu
     beside = np.array([time for time, hand in where if math.dist(hand, body.pose.position) <= PUSH_RANGE])
     here = (np.abs(wrenches.times[:, None] - beside) <= SAMPLE_TIME / 2).any(axis=1)
     felt = float(np.linalg.norm(wrenches.forces[here], axis=1).max()) if bool(here.any()) else 0.0
+    left = min(math.dist(hand, after.pose.position) for hand in hands)
+    taken_along = horizontal_distance(body, after) > CARRIED_WAY and left < CARRIED_RANGE
+    if taken_along:
+        return True, f"the hand went with it, and was {distance(left)} from it in the end"
     if felt < TOUCH_FORCE:
         return False, f"something else than the arm moved it: the hand felt no more than {force(felt)} then"
-    left = min(math.dist(hand, after.pose.position) for hand in hands)
     if left > 2 * PUSH_RANGE and body.form not in ("sphere", "cylinder"):
         return (
             False,
@@ -178,7 +198,7 @@ def explain_misjudged_place(case: Investigation, failure: FailureStory) -> Findi
     if true is None or failure.cause not in SEEK_FAILURES or failure.cause == "grasp.slipped":
         return None
     reached = _reached(case, failure)
-    believed, body = case.belief.tracks[failure.item].before(reached), case.truth.at(true, reached)
+    believed, body = case.belief.tracks[failure.item].before(reached), case.bodies.at(true, reached)
     if (
         believed is None
         or body is None
@@ -189,7 +209,7 @@ def explain_misjudged_place(case: Investigation, failure: FailureStory) -> Findi
     if (camera := explain_displaced_camera(case, failure.item, reached)) is not None:
         return camera
     settled = _settled(case, failure.item, reached)
-    reasons = (f"believed at {place(believed.pose.position)}, truly at {place(body.pose.position)}",)
+    reasons = (f"believed at {place(believed.pose.position)}, {case.truly}at {place(body.pose.position)}",)
     off = distance(horizontal_distance(body, believed))
     if any(p.item == failure.item and believed.last_seen < p.end <= reached for p in case.once(held_periods)):
         title = f"{failure.item} lay {off} from where it was believed to have come to rest"
@@ -221,11 +241,14 @@ def _seen_empty(case: Investigation, item: str, since: float) -> list[str]:
 
 def explain_never_seen(case: Investigation, true: str) -> Finding:
     """Return the finding about a true item that was never believed to be there."""
-    body = case.truth.tracks[true].first
+    body = case.bodies.tracks[true].first
     cameras = [c for c in case.scene.cameras if c.on == "world"] if case.scene else []
     views = [f"it lies outside the picture of {c.name}" for c in cameras if not in_picture(c, body)]
     hidden = [f"it lies within the picture of {c.name}, hidden or not recognised" for c in cameras]
     looks = len(case.events(ImageEvent))
+    if not looks:
+        title = "the mission never looks: no camera took an image, and no item is known"
+        return Finding("mission.no_look", "", title, (), "", 0.0)
     title = f"{case.name_of(true)} was never seen: it lies at {place(body.pose.position)}"
     reasons = (*(views or hidden), f"the robot looked {counted(looks, 'time')}")
     return Finding("item.never_seen", true, title, reasons, true, None)
@@ -256,7 +279,7 @@ SIZE_INDEPENDENT_CAUSES = (
 
 def size_of(case: Investigation, true: str, time: float) -> float:
     """Return the size of a true item as a multiple of its kind's; 1 when the catalogue has no size."""
-    entry, body = case.entry_of(true), case.truth.tracks[true].before(time)
+    entry, body = case.entry_of(true), case.bodies.tracks[true].before(time)
     if entry is None or body is None:
         return 1.0
     (low, high), (least, most) = (extents(s, np.eye(3)) for s in (body.shape, entry.shape))
@@ -271,8 +294,8 @@ def explain_too_wide(case: Investigation, failure: FailureStory) -> Finding | No
     if body is None:
         return None
     width = _least_width(body.shape, body.pose)
-    most = float(case.run.gripper.widths.max(initial=0.0))
-    if width < most:
+    most = float(case.gripper.widths.max(initial=0.0))
+    if width < most or most <= 0.0:
         return None
     title = f"{failure.item} is too wide for the hand: {1000 * width:.0f} mm at its narrowest"
     reasons = (f"the fingers were {1000 * most:.0f} mm open at most", "no grasp fits its width")
@@ -304,18 +327,18 @@ def explain_wrong_size(case: Investigation, failure: FailureStory) -> Finding | 
 def explain_unrecognised_size(case: Investigation, true: str) -> Finding | None:
     """Return the finding that an item was not recognised because its size differs from its kind."""
     cameras = [camera for camera in case.scene.cameras if camera.on == "world"] if case.scene else []
-    if not any(in_picture(camera, case.truth.tracks[true].first) for camera in cameras):
+    if not any(in_picture(camera, case.bodies.tracks[true].first) for camera in cameras):
         return None
-    factor = size_of(case, true, case.truth.tracks[true].times[-1])
+    factor = size_of(case, true, case.bodies.tracks[true].times[-1])
     if 1 / SIZE_RATIO <= factor <= SIZE_RATIO:
         return None
     return _another_size(case, true, case.name_of(true), factor)
 
 
 def _another_size(case: Investigation, true: str, item: str, factor: float) -> Finding:
-    body = case.truth.tracks[true].last
+    body = case.bodies.tracks[true].last
     names = case.believed.get(true, ())
-    title = f"{item} is truly {factor:.2g} times as large as a {body.kind} of the catalogue"
+    title = f"{item} is {case.truly}{factor:.2g} times as large as a {body.kind} of the catalogue"
     kinds = sorted({b.kind for name in names for b in case.belief.tracks[name].bodies} - {body.kind})
     reasons = [f"it is a {body.colour} {body.kind}"]
     if kinds:
@@ -338,7 +361,7 @@ def explain_missing_item(case: Investigation, failure: FailureStory) -> Finding 
     seen = case.identities.by_item[item][0]
     near = phantoms[item]
     if near:
-        of = case.truth.tracks[near].first
+        of = case.bodies.tracks[near].first
         names = [name for name in case.believed.get(near, ()) if name not in phantoms]
         known = f", as is {names[0]}" if names else ""
         title = (
@@ -370,14 +393,14 @@ def explain_missing_item(case: Investigation, failure: FailureStory) -> Finding 
 
 def explain_late_arrival(case: Investigation, true: str) -> Finding | None:
     """Return the finding that a true item appeared after the last look, without the feed; else None."""
-    first = case.truth.tracks[true].times[0]
-    if first <= case.truth.times[0] + 1e-6 or case.believed.get(true):
+    first = case.bodies.tracks[true].times[0]
+    if first <= case.bodies.times[0] + 1e-6 or case.believed.get(true):
         return None
     fed = any(abs(at.time - first) < 2.0 for at in case.events(event_types.DeliveryEvent))
     looks = [at.time for at in case.events(ImageEvent)]
-    before = case.truth.times[max(case.truth.times.index(first) - 1, 0)]
+    before = case.bodies.times[max(case.bodies.times.index(first) - 1, 0)]
     later = sum(time > first for time in looks)
-    lies = place(case.truth.tracks[true].first.pose.position)
+    lies = place(case.bodies.tracks[true].first.pose.position)
     title = f"{case.name_of(true)} came {between(before, first)}, at {lies}"
     title += ", after the last look" if not later else ", and was not seen"
     reasons = (

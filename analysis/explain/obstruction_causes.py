@@ -13,7 +13,7 @@ from picktree.files import listed
 from picktree.logs import ImageEvent, log_records
 from picktree.robot.manipulation import pick_candidates, release_poses
 from picktree.world import BeliefObject, ObjectId, Pose, event_types, extents
-from picktree.world.scene import Bin, Fixture
+from picktree.world.scene import Bin, CameraDescription, Fixture
 
 from .body_tracks import horizontal_distance
 from .case import Investigation, reachable
@@ -57,16 +57,19 @@ def explain_contact(case: Investigation, failure: FailureStory) -> Finding | Non
     felt = _felt(failure)
     reasons = [f"at {seconds(time)} with the hand at {place(hand)}"] if hand else []
     near: list[tuple[float, str]] = []
-    held = case.truth.at(case.pairs.get(failure.item, ""), time) if pressed_from_below(failure) else None
-    for true in case.truth.tracks:
-        body = case.truth.at(true, time)
+    held = case.bodies.at(case.pairs.get(failure.item, ""), time) if pressed_from_below(failure) else None
+    for true in case.bodies.tracks:
+        body = case.bodies.at(true, time)
         if body is not None and hand is not None and failure.item not in case.believed.get(true, ()):
             away = math.dist(hand, body.pose.position)
             if away < HAND_RANGE and (
                 held is None or _reach(held) + _reach(body) > horizontal_distance(held, body)
             ):
                 near.append((away, true))
-    verb = f"the arm met something with {felt}" if felt else "the arm was stopped"
+    if case.run.info.backend == "kinematic":
+        felt = ""  # a contact has no true force there
+    met = "the arm met something" if failure.cause == "world.disturbed" else "the arm was stopped"
+    verb = f"the arm met something with {felt}" if felt else met
     where = f" on its way with {failure.item}" if failure.item else ""
     unknown = next(iter(case.obstacles_near(time)), None)
     if unknown is not None and (not near or min(near)[0] > ITEM_RANGE):
@@ -80,7 +83,7 @@ def explain_contact(case: Investigation, failure: FailureStory) -> Finding | Non
         reasons.append(f"{name} was {distance(away)} from the hand")
         if moving is not None:
             reasons.append(f"{name} moved by {distance(moving.way)} at about that time")
-        target = case.bin_at(case.truth.tracks[true].before(time) or case.truth.tracks[true].first)
+        target = case.bin_at(case.bodies.tracks[true].before(time) or case.bodies.tracks[true].first)
         if target:
             doing = f"while {failure.item} was put there, " if failure.id == "Place" else ""
             title = f"{target} is too crowded: {doing}{verb}, next to {name}"
@@ -89,11 +92,71 @@ def explain_contact(case: Investigation, failure: FailureStory) -> Finding | Non
         return Finding("contact.item", true, title, tuple(reasons), failure.item, time)
     if pressed_from_below(failure):
         return None
+    if (under := _under_the_hand(case, failure, verb, time)) is not None:
+        return under
     title = f"{verb}{where}: nothing known was near"
     about = failure.item or failure.node
     return Finding(
         word(failure, "stopped_by") or failure.cause, about, title, tuple(reasons), failure.item, time
     )
+
+
+MIN_UPWARD = 0.8
+"""Vertical component of a contact's direction from which something below the hand was touched."""
+
+
+def _under_the_hand(case: Investigation, failure: FailureStory, verb: str, time: float) -> Finding | None:
+    """Return the finding, without truth, that a hand on its way down to an item met it at another place."""
+    direction = numbers(failure, "direction")
+    upward = len(direction) == 3 and direction[2] > MIN_UPWARD
+    believed = case.last_believed(failure)
+    if case.world.is_true or not upward or believed is None or believed.attached or failure.id != "Grasp":
+        return None
+    title = f"{failure.item} was not where it was believed to be: {verb} below the hand on its way down to it"
+    reasons = (f"it was last seen at {seconds(believed.last_seen)}, at {place(believed.pose.position)}",)
+    against = ("it may also be larger than its kind, or something unknown lies there",)
+    return Finding("item.moved", failure.item, title, reasons, failure.item, time, "possible", against)
+
+
+def hides(case: Investigation, camera: CameraDescription, body: log_records.BodyRecord, time: float) -> str:
+    """Return the unknown obstacle on the ray from a camera to a body; empty without one."""
+    origin, target = np.array(camera.pose.position), np.array(body.pose.position)
+    for name, obstacle in case.obstacles_at(time):
+        low, high = extents(obstacle.shape, np.eye(3))
+        inverse = obstacle.pose.inverse()
+        start, end = inverse.apply(origin), inverse.apply(target)
+        way = np.where(np.abs(end - start) < 1e-9, 1e-9, end - start)
+        enter, leave = (low - start) / way, (high - start) / way
+        first, last = np.minimum(enter, leave).max(), np.maximum(enter, leave).min()
+        if 0.0 <= first <= last and first <= 1.0:
+            return name
+    return ""
+
+
+def explain_hidden(
+    case: Investigation, item: str, body: log_records.BodyRecord, time: float
+) -> Finding | None:
+    """Return the finding that an unknown body hides an item from the fixed cameras; else None."""
+    cameras = [c for c in case.scene.cameras if c.on == "world"] if case.scene else []
+    found = [hides(case, camera, body, time) for camera in cameras]
+    if not found or not all(found):
+        return None
+    title = f"{found[0]}, a body that the robot did not know, hides {item} from {cameras[0].name}"
+    reasons = (f"{item} lies at {place(body.pose.position)}",)
+    return Finding("scene.unknown_obstacle", found[0], title, reasons, item, time)
+
+
+def obstacle_in(case: Investigation, bin_id: str, time: float) -> str:
+    """Return the unknown obstacle that lies in a bin, or over it; empty without one."""
+    target = case.bins.get(bin_id)
+    for name, body in case.obstacles_at(time) if target is not None else ():
+        assert target is not None
+        x, y, z = (target.pose.inverse() @ body.pose).position
+        low, high = extents(body.shape, body.pose.rotation())
+        inside = abs(x) < target.size[0] / 2 + high[0] and abs(y) < target.size[1] / 2 + high[1]
+        if inside and z + low[2] < target.size[2] + CLEARANCE:
+            return name
+    return ""
 
 
 def _reach(body: log_records.BodyRecord) -> float:
@@ -164,6 +227,9 @@ def explain_unreachable_bin(
     full = explain_full_bin(case, failure, str(target.id), reasons)
     if full is not None:
         return full
+    if unknown := obstacle_in(case, str(target.id), failure.time):
+        title = f"{unknown}, a body that the robot did not know, is in or over {target.id}"
+        return Finding("scene.unknown_obstacle", unknown, title, reasons, failure.item, failure.time)
     over = fixture_above(case, target)
     if over:
         title = f"{over} is in the way over {target.id}: {failure.item} cannot be put there"
@@ -239,7 +305,13 @@ def explain_obstruction(case: Investigation, failure: FailureStory) -> Finding |
         case "grasp.no_candidate":
             return _held_another(failure) or _no_grasp(case, failure)
         case "place.full":
-            return explain_full_bin(case, failure, word(failure, "bin"))
+            bin_id = word(failure, "bin")
+            if unknown := obstacle_in(case, bin_id, failure.time):
+                title = f"{unknown}, a body that the robot did not know, fills {bin_id}"
+                return Finding("scene.unknown_obstacle", unknown, title, (), failure.item, failure.time)
+            return explain_full_bin(case, failure, bin_id)
+        case "perception.not_found" if (lies := _truly_at(case, failure)) is not None:
+            return explain_hidden(case, failure.item, lies, failure.time)
         case "place.occupied":
             return _occupied(case, failure)
         case "planning.budget":
@@ -254,6 +326,12 @@ def explain_obstruction(case: Investigation, failure: FailureStory) -> Finding |
             return _touching(case, failure, _pairs(words(failure, "pairs")), ())
         case _:
             return None
+
+
+def _truly_at(case: Investigation, failure: FailureStory) -> log_records.BodyRecord | None:
+    """Return the failure's item as it lay at the failure; None when it was not there."""
+    true = case.pairs.get(failure.item)
+    return None if true is None else case.bodies.at(true, failure.time)
 
 
 def _under_arm(case: Investigation, failure: FailureStory) -> Finding | None:

@@ -8,12 +8,13 @@ import numpy as np
 
 from picktree.files import PicktreeError, listed
 from picktree.files.yaml import read
-from picktree.logs import node_visits
+from picktree.logs import ImageEvent, node_visits
 from picktree.world import event_types
 
 from .case import Investigation
 from .explanation import ExplainedOutcome, FailureStory, Finding, counted, number, seconds, word
 from .held_items import held_periods
+from .unsorted_items import skip_condition
 
 
 def explain_run_end(case: Investigation, outcome: ExplainedOutcome) -> Finding | None:
@@ -48,28 +49,47 @@ def explain_run_end(case: Investigation, outcome: ExplainedOutcome) -> Finding |
             return None
 
 
-def _goal(case: Investigation) -> str:
-    """Return the mission's own goal; empty without one."""
+def goal_of(case: Investigation) -> str:
+    """Return the goal of the mission, else that of the scene; empty without one."""
     name, log = "mission.yaml", case.run.log
+    own = (case.scene.goal if case.scene else "") or ""
     if name not in log.attachments:
-        return ""
+        return own
     try:
         goal = read(log.attachment(name).decode("utf-8", "replace"), name).root.child("goal")
     except PicktreeError:
-        return ""
-    return "" if goal is None else str(goal.value)
+        return own
+    return own if goal is None else str(goal.value)
 
 
 def explain_missed_goal(case: Investigation, outcome: ExplainedOutcome) -> Finding | None:
     """Return the finding that the goal is missed although every item is at its destination; else None."""
     if outcome.status != "incomplete":
         return None
-    goal = _goal(case)
-    title = "every item is where it belongs, and the goal is missed"
-    title += f": `{goal}` does not hold" if goal else ": the scene's feed still had items to bring"
+    if (unseen := explain_nothing_seen(case)) is not None:
+        return unseen
+    goal = goal_of(case)
+    number, right = len(case.verdicts), sum(each.is_in_place for each in case.verdicts.values())
+    title = "every item is where it belongs" if right == number else f"{right} of {number} items are in place"
+    why = f"`{goal}` does not hold" if goal else "the scene's feed still had items to bring"
+    reasons = (f"there were {counted(number, 'item')}",)
     return Finding(
-        "goal.beyond_items", "", title, (f"there were {counted(len(case.scores), 'item')}",), "", outcome.end
+        "goal.beyond_items", "", f"{title}, and the goal is missed: {why}", reasons, "", outcome.end
     )
+
+
+def explain_nothing_seen(case: Investigation) -> Finding | None:
+    """Return the finding that no look showed any item: the mission never looks, or a body covers the view."""
+    if any(track.first.role == "item" for track in case.belief.tracks.values()):
+        return None
+    if not case.events(ImageEvent):
+        title = "the mission never looks: no camera took an image, and no item is known"
+        return Finding("mission.no_look", "", title, (), "", 0.0)
+    covers = next(iter(case.obstacles.tracks.values()), None)
+    if covers is None:
+        return None
+    title = f"no item was seen: {covers.id}, a body that the robot did not know, covers a part of the view"
+    return Finding("scene.unknown_obstacle", covers.id, title, (), "", covers.times[0], "possible")
 
 
 def explain_mission_error(case: Investigation, failure: FailureStory) -> Finding | None:
@@ -108,6 +128,8 @@ def explain_missing_grasp(case: Investigation, failure: FailureStory) -> Finding
         return None
     grasps = [v for v in case.family.visits if v.id == "Grasp" and v.item == failure.item]
     title = f"{failure.name} was run before anything was grasped: nothing was in the hand"
+    if (skipped := skip_condition(case)) is not None and skipped[0].startswith("Grasp"):
+        title = f"{failure.name} was run before anything was grasped: {skipped[0]} has {skipped[1]}"
     before = (
         "no node had grasped the item"
         if not any(v.end <= failure.time for v in grasps)

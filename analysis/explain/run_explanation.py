@@ -7,12 +7,21 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from picktree.files import listed
-from picktree.logs import BeliefEvent, Failure, RunAccount, Stamped, log_files, log_records, node_visits
+from picktree.files import Expression, PicktreeError, listed
+from picktree.logs import (
+    BeliefEvent,
+    Failure,
+    RunAccount,
+    RunRecord,
+    Stamped,
+    log_files,
+    log_records,
+    node_visits,
+)
 from picktree.robot.manipulation import pick_candidates
-from picktree.simulation import ItemScore
 from picktree.world import (
     Candidates,
     Cause,
@@ -45,11 +54,13 @@ from .explanation import (
     seconds,
 )
 from .held_items import held_periods
+from .hypotheses import root_causes_of
 from .item_causes import MIN_ERROR
-from .root_causes import root_causes_of
+from .run_endings import explain_nothing_seen, goal_of
+from .seen_world import SeenWorld
 
 if TYPE_CHECKING:
-    from picktree.logs import RunRecord
+    from picktree.logs import RunResult, RunStatus
 
 
 def choices_before(run: RunRecord, source: node_visits.Visit) -> tuple[CandidateChoice, ...]:
@@ -139,19 +150,24 @@ def _belief(case: Investigation, failure: FailureStory) -> list[str]:
     where = "in the hand" if believed.attached else f"at {place(believed.pose.position)}"
     sentences = [f"belief: {failure.item} {where}, last seen at {seconds(believed.last_seen)}"]
     if true is not None and _gone(case, failure, true):
-        sentences.append(f"truth: {failure.item} is nowhere any more")
+        sentences.append(
+            f"truth: {failure.item} is nowhere any more"
+            if case.world.is_true
+            else f"later: {failure.item} was not seen again"
+        )
     elif really is not None and horizontal_distance(really, believed) > MIN_ERROR:
         off = distance(horizontal_distance(really, believed))
-        sentences.append(f"truth: {failure.item} at {place(really.pose.position)}, {off} from the belief")
+        word = "truth" if case.world.is_true else "seen later"
+        sentences.append(f"{word}: {failure.item} at {place(really.pose.position)}, {off} from the belief")
     return sentences
 
 
 def _really(case: Investigation, failure: FailureStory, true: str) -> log_records.BodyRecord | None:
     """Return the true item just after the failure; None when the hand moved it."""
-    later = next((t for t in case.truth.times if t >= failure.time - 1e-6), case.end)
+    later = next((t for t in case.bodies.times if t >= failure.time - 1e-6), case.end)
     then = case.belief.at(failure.item, later)
     carried = then is not None and then.attached
-    return None if carried else case.truth.at(true, later)
+    return None if carried else case.bodies.at(true, later)
 
 
 def _gone(case: Investigation, failure: FailureStory, true: str) -> bool:
@@ -160,7 +176,7 @@ def _gone(case: Investigation, failure: FailureStory, true: str) -> bool:
 
 
 def _hand(case: Investigation, failure: FailureStory) -> list[str]:
-    gripper = case.run.gripper
+    gripper = case.gripper
     known = number(failure, "width") is not None or not failure.cause.startswith(_IN_MOTION)
     if known or not len(gripper.times):
         return []
@@ -325,7 +341,7 @@ def items_of(case: Investigation) -> tuple[ItemStory, ...]:
             true = "" if id_ in phantoms else case.pairs.get(id_, "")
             known.setdefault(true or id_, []).append(id_)
     found = [_item_story(case, names) for names in known.values()]
-    unseen = [true for true in case.truth.tracks if true not in case.believed]
+    unseen = [true for true in case.bodies.tracks if true not in case.believed]
     return (*found, *(_unseen(case, true) for true in unseen))
 
 
@@ -345,7 +361,7 @@ def _item_story(case: Investigation, names: Sequence[str]) -> ItemStory:
     events += [ItemEvent(f.time, f"{f.name} failed: {f.cause}", f.node, f.number) for f in failed]
     dropped = [p for p in case.once(held_periods) if p.item in names and p.left is not None]
     events += [
-        ItemEvent(p.left[1], "truly not in the hand any more")
+        ItemEvent(p.left[1], f"{case.truly}not in the hand any more")
         for p in dropped
         if p.left and p.end - p.left[1] > REPORT_TIME
     ]
@@ -370,8 +386,8 @@ def _no_item(case: Investigation, item: str) -> str:
 
 
 def _unseen(case: Investigation, true: str) -> ItemStory:
-    body = case.truth.tracks[true].last
-    score = case.scores.get(true)
+    body = case.bodies.tracks[true].last
+    score = case.verdicts.get(true)
     state = "done" if score is not None and score.is_in_place else "left"
     bin_ = case.bin_at(body)
     heaped = case.scene is not None and any(each.id == bin_ and each.is_tote for each in case.scene.bins)
@@ -392,7 +408,7 @@ def _state(case: Investigation, item: str) -> ItemState:
     placed = [at.time for at in case.events(event_types.ItemDoneEvent) if at.record.object == item]
     if aside and aside[-1] >= max(placed, default=-1.0):
         return "aside"
-    score = case.scores.get(case.pairs.get(item, ""))
+    score = case.verdicts.get(case.pairs.get(item, ""))
     if score is not None:
         return "done" if score.verdict == "sorted" else "left"
     destination = case.destination(body)
@@ -401,14 +417,14 @@ def _state(case: Investigation, item: str) -> ItemState:
 
 def _truth(case: Investigation, true: str) -> str:
     """Return the true place of an item at the end, in the scorer's words."""
-    score: ItemScore | None = case.scores.get(true)
+    score = case.verdicts.get(true)
     if case.gone(true) is not None:
-        return "truly nowhere any more"
-    body = case.truth.tracks[true].bodies[-1]
+        return "truly nowhere any more" if case.world.is_true else "not seen again"
+    body = case.bodies.tracks[true].bodies[-1]
     lies = case.bin_at(body)
     where = f"in {lies}" if lies else f"at {place(body.pose.position)}"
-    if lies and score is not None and score.seat is not None and not score.reason:
-        where += f", {1000 * score.seat.depth:.1f} mm deep"
+    if lies and score is not None and score.depth is not None and not score.reason:
+        where += f", {1000 * score.depth:.1f} mm deep"
     if score is not None and score.reason:
         where += f": {score.reason}"
     elif score is not None and score.is_in_place:
@@ -417,7 +433,8 @@ def _truth(case: Investigation, true: str) -> str:
         where += ", where it belongs, but is not at rest in it"
     elif score is not None and score.destination:
         where += f"; it belongs into {score.destination}"
-    return f"truly {where}, and was taken away with it" if true in case.departed else f"truly {where}"
+    source = "truly" if case.world.is_true else "by the belief"
+    return f"{source} {where}, and was taken away with it" if true in case.departed else f"{source} {where}"
 
 
 def _events_by_item(case: Investigation) -> dict[str, list[Stamped[JournalEvent]]]:
@@ -480,22 +497,24 @@ def outcome_of(case: Investigation, visits: Sequence[node_visits.Visit]) -> Expl
     result = run.result
     if result is None:
         return ExplainedOutcome(_status(run), _cut_off(run, visits, end), end, None, None)
-    items = result.items
-    homeless = sum(not score.destination for score in case.scores.values())
-    counts = f"{items.sorted} of {items.total} items are where they belong"
+    count = Counter(each.verdict for each in case.verdicts.values())
+    done, total = result.items.sorted, result.items.total
+    if not (case.world.is_true or result.as_believed):
+        done, total = count["sorted"], count.total() - count["no destination"]
+    homeless = sum(not verdict.destination for verdict in case.verdicts.values())
+    counts = f"{done} of {total} items are where they belong"
     if homeless:
         counts += f" (the scene's rules give {homeless} of all items no destination)"
-    if items.misplaced:
-        counts += f", {items.misplaced} in a wrong bin"
-    if items.left:
-        counts += f", {items.left} left"
-    counts += ", as the robot believes" if result.as_believed else ""
+    wrong = (("crushed", "crushed"), ("misplaced", "in a wrong bin"), ("left", "left"))
+    counts += "".join(f", {count[verdict]} {words}" for verdict, words in wrong if count[verdict])
+    counts += "" if case.world.is_true else ", as the robot believes"
     aside = {at.record.object for at in case.events(event_types.SetAsideEvent)}
     elsewhere = {at.record.object for at in case.events(event_types.ItemDoneEvent) if not at.record.into}
     others = [f"{len(aside)} set aside"] * bool(aside) + [f"{len(elsewhere)} put down elsewhere"] * bool(
         elsewhere
     )
     counts += f" (the robot: {', '.join(others)})" if others else ""
+    status = result.status if case.world.is_true or result.as_believed else _status_by_belief(case, result)
     sentence = {
         "success": f"the mission succeeded and its goal is reached: {counts}",
         "incomplete": f"the mission ended in SUCCESS, but its goal is missed: {counts}",
@@ -504,8 +523,22 @@ def outcome_of(case: Investigation, visits: Sequence[node_visits.Visit]) -> Expl
         "paused": f"the run waits for help: {result.message}; {counts}",
         "interrupted": f"the run was interrupted{_doing(visits)}; {counts}",
         "stopped": f"the robot's own side ended the run{_doing(visits)}: {result.message}; {counts}",
-    }[result.status]
-    return ExplainedOutcome(result.status, sentence, end, items.sorted, items.total)
+    }[status]
+    return ExplainedOutcome(status, sentence, end, done, total)
+
+
+def _status_by_belief(case: Investigation, result: RunResult) -> RunStatus:
+    """Return the status without the scorer's part: whether the goal is reached by the belief."""
+    if result.status not in ("success", "incomplete"):
+        return result.status
+    count = Counter(each.verdict for each in case.verdicts.values())
+    total, goal = count.total() - count["no destination"], goal_of(case)
+    if not goal:
+        done = count["sorted"] == total and (total > 0 or explain_nothing_seen(case) is None)
+        return "success" if done else "incomplete"
+    known = {name: count[name] for name in ("sorted", "misplaced", "left")}
+    reached = Expression.parse(goal).evaluate({"total": total, "outstanding": 0, **known})
+    return "success" if reached else "incomplete"
 
 
 def _status(run: RunRecord) -> str:
@@ -614,26 +647,60 @@ def key_moments(
     return tuple(found)
 
 
-def explain(run: RunRecord, *, faults: bool = True, items: bool = True) -> Explanation:
+def _earlier(run: RunRecord, *, truth: bool) -> Explanation | None:
+    """Return the explanation of the run that this one continues; None where its log is not here."""
+    origin = run.info.continues
+    if origin is None or origin.time <= 0.0 or not origin.log or not Path(origin.log).exists():
+        return None
+    try:
+        with RunRecord(origin.log) as before:
+            return explain(before, faults=False, items=False, truth=truth)
+    except PicktreeError:
+        return None
+
+
+def investigation(
+    run: RunRecord, account: RunAccount, failures: Sequence[FailureStory], *, truth: bool
+) -> Investigation:
+    """Return the investigation of a run, by the ground truth or by what the robot saw and felt."""
+    if not truth:
+        return Investigation(run, account.tree, failures, SeenWorld)
+    from .true_world import TrueWorld  # it imports the simulation
+
+    return Investigation(run, account.tree, failures, TrueWorld)
+
+
+def has_truth(run: RunRecord) -> bool:
+    """Whether the log has the ground truth of a simulation."""
+    return next(iter(run.log.truths()), None) is not None
+
+
+def explain(
+    run: RunRecord, *, faults: bool = True, items: bool = True, truth: bool | None = None
+) -> Explanation:
     """Return the explanation of a run: root causes, failures, stories of items, key moments.
 
     `faults`: injected faults are quoted where they concern the same items. The root causes follow from the
-    rest of the log, with and without them. `items`: the stories of items are included.
+    rest of the log, with and without them. `items`: the stories of items are included. `truth`: the ground
+    truth is used; None: where the log has it. Without it the explanation reads no checkpoint, fault or score.
 
     Raises PicktreeError where the log is damaged.
     """
     account = run.account
     failures = failures_of(run, account)
-    case = Investigation(run, account.tree, failures)
+    truth = has_truth(run) if truth is None else truth
+    faults = faults and truth
+    case = investigation(run, account, failures, truth=truth)
     outcome = outcome_of(case, account.visits)
     planted = case.events(event_types.FaultEvent) if faults else []
-    causes = root_causes_of(case, outcome, planted)
+    causes = root_causes_of(case, outcome, planted, _earlier(run, truth=truth))
     recovery = account.recovery
     return Explanation(
         outcome=outcome,
         failures=tuple(_with_run_facts(case, failure, causes, planted) for failure in failures),
         root_causes=causes,
         items=items_of(case) if items else (),
+        with_truth=truth,
         look_at=key_moments(causes, failures, outcome),
         recovery=recovery if faults else replace(recovery, planted=()),
     )

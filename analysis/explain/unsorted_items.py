@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import cast
+
+import yaml
 
 from picktree.files import listed
 from picktree.logs import log_records
-from picktree.simulation import MAX_REST_SPEED
 from picktree.world import Pose, event_types, extents, grasp, heap_geometry
 from picktree.world.scene import Bin, destinations
 
@@ -24,6 +26,7 @@ from .item_causes import (
     explain_never_seen,
     explain_unrecognised_size,
 )
+from .obstruction_causes import explain_hidden
 
 THING_RADIUS = 0.035
 """Distance from a thing's centre within which grasps and failed closings belong to it, m."""
@@ -92,7 +95,7 @@ def _left_in_totes(case: Investigation) -> dict[tuple[str, int], Finding]:
 def _left(case: Investigation, tote: str, number: int, time: float) -> Finding:
     left = remains(case, tote, time)
     if not left:
-        reasons = (f"truly nothing was left in it at {seconds(time)}",)
+        reasons = (f"{case.truly}nothing was left in it at {seconds(time)}",)
         return Finding("heap.empty", tote, f"{tote} was empty", reasons, "", time)
     states = Counter(one.state.split(",")[0] for one in left)
     title = (
@@ -112,7 +115,7 @@ def remains(case: Investigation, tote: str, time: float) -> list[Remainder]:
     believed = scene.bodies if scene else ()
     heap = next((body for body in believed if body.id == heap_geometry.heap_id(tote)), None)
     refused, vain = _refused(case, tote, time), _failed_closings(case, time)
-    bodies = ((true, case.truth.at(true, time)) for true in case.truth.tracks)
+    bodies = ((true, case.bodies.at(true, time)) for true in case.bodies.tracks)
     return [
         Remainder(
             true,
@@ -208,6 +211,7 @@ def explain_unsorted(case: Investigation, true: str) -> Finding | None:
             or explain_left_thing(case, true)
             or explain_late_arrival(case, true)
             or explain_unrecognised_size(case, true)
+            or explain_hidden(case, case.name_of(true), case.bodies.tracks[true].first, case.end)
             or explain_hidden_by_arm(case, true)
             or explain_never_seen(case, true)
         )
@@ -241,7 +245,7 @@ def explain_crushed_item(case: Investigation, true: str) -> Finding | None:
         f"{first.limit:.0f} N"
     )
     gripped = any(p.true == true and p.start <= first.time <= p.end for p in case.once(held_periods))
-    body = case.truth.tracks[true].before(first.time)
+    body = case.bodies.tracks[true].before(first.time)
     lay = f": it lay at {place(body.pose.position)}" if body is not None else ""
     how = "it was in the hand then" if gripped else f"it was not in the hand then{lay}"
     reasons = (f"a force above that was first measured at {seconds(first.time)}", how)
@@ -287,7 +291,7 @@ def _taken(case: Investigation, true: str, into: str) -> Finding | None:
     item = case.believed[true][-1]
     where = f" out of {into}, where it had been placed" if into else ""
     title = f"{item} was taken away{where}, {between(*gone)}: {ABSENCE_TEXT}"
-    last = case.truth.tracks[true].bodies[-1].pose.position
+    last = case.bodies.tracks[true].bodies[-1].pose.position
     reasons = (
         f"the log has its true place until {seconds(gone[0])} ({place(last)}), and not after that",
         "nothing failed: the robot still believed that it was there"
@@ -299,8 +303,8 @@ def _taken(case: Investigation, true: str, into: str) -> Finding | None:
 
 def _put_elsewhere(case: Investigation, true: str, item: str, node: str, time: float) -> Finding:
     """Return the finding that the mission itself put the item down at a wrong place."""
-    belongs = case.destination(case.truth.tracks[true].last)
-    lies = place(case.truth.tracks[true].last.pose.position)
+    belongs = case.verdicts[true].destination
+    lies = place(case.bodies.tracks[true].last.pose.position)
     title = f"the mission puts {item} down at {lies}, and it belongs into {belongs or 'no bin'}"
     ports = case.ports(node)
     reasons = (
@@ -320,10 +324,11 @@ def _set_aside(case: Investigation, true: str) -> Finding | None:
 
 
 def _wrong_bin(case: Investigation, true: str, item: str, into: str, node: str) -> Finding | None:
-    real = case.truth.tracks[true].bodies[-1]
+    real = case.bodies.tracks[true].bodies[-1]
     into_port = case.ports(node).get("into", "")
     believed = _believed_for(case, item, into if "{" in into_port else "")
-    belongs = case.destination(real)
+    judged = case.verdicts.get(true)
+    belongs = case.destination(real) if judged is None else judged.destination
     if not into or not belongs or destinations.is_at(into, belongs):
         return None
     if (believed.colour, believed.kind) != (real.colour, real.kind) and case.destination(believed) == into:
@@ -391,38 +396,38 @@ def _mistaken_traits(
 
 def _not_seated(case: Investigation, true: str, item: str, into: str, time: float) -> Finding | None:
     """Return the finding that an item released at a hole is not in it by the scorer's measure; else None."""
-    score = case.scores[true]
+    score = case.verdicts[true]
     if not any(str(hole.id) == into for fixture in case.fixtures.values() for hole in fixture.holes):
         return None
-    if score.seat is not None and score.reason:
+    if score.depth is not None and score.reason:
         title = f"{item} is not in {into}: {score.reason}"
         return Finding("insert.not_in", true, title, (), item, time)
-    ends = case.truth.tracks[true].bodies[-1].pose.position
+    ends = case.bodies.tracks[true].bodies[-1].pose.position
     title = f"{item} is not in {into}, where it was let go: in the end it is at {place(ends)}"
     return Finding("insert.not_in", true, title, (), item, time)
 
 
 def _left_bin(case: Investigation, true: str, item: str, into: str, time: float) -> Finding | None:
     """Return the finding that an item left its destination after the placement; else None."""
-    track = case.truth.tracks[true]
+    track = case.bodies.tracks[true]
     later = [(t, b) for t, b in zip(track.times, track.bodies, strict=True) if t > time]
     inside = [t for t, b in later if case.bin_at(b) == into]
     lies = track.bodies[-1]
     ends = case.bin_at(lies)
     where = f"in {ends}" if ends else f"at {place(lies.pose.position)}"
-    reasons = [f"{item} was let go over {into} at {seconds(time)}, and truly lies {where}"]
-    if ends == into and case.scores[true].bin is None and track.last_speed > MAX_REST_SPEED:
+    reasons = [f"{item} was let go over {into} at {seconds(time)}, and {case.truly}lies {where}"]
+    if ends == into and case.verdicts[true].moving:
         title = f"{item} still moved in {into} when the mission ended"
         moved = distance(math.dist(lies.pose.position, track.bodies[-2].pose.position))
         reasons.append(f"it moved {moved} {between(track.times[-2], track.times[-1])}")
         return Finding("place.not_at_rest", true, title, tuple(reasons), item, track.times[-1])
-    neighbours = [id_ for id_ in case.truth.tracks if id_ != true]
+    neighbours = [id_ for id_ in case.bodies.tracks if id_ != true]
     others = [
         case.name_of(id_)
         for id_ in neighbours
-        if case.gone(id_) is None and case.bin_at(case.truth.tracks[id_].bodies[-1]) == into
+        if case.gone(id_) is None and case.bin_at(case.bodies.tracks[id_].bodies[-1]) == into
     ]
-    then = (case.truth.at(id_, time) for id_ in neighbours)
+    then = (case.bodies.at(id_, time) for id_ in neighbours)
     if not inside and others and any(body is not None and case.bin_at(body) == into for body in then):
         title = f"{into} has no room for {item}: the item did not stay inside when it was placed"
         reasons.append(f"in it lie {listed(others, 5)}")
@@ -474,6 +479,44 @@ def _not_tried(case: Investigation, true: str) -> Finding | None:
     moving = displacement_since(case, true, case.belief.tracks[item].times[0], case.end)
     title = f"the mission never tried {item}"
     reasons = [f"the belief had it from {seconds(case.belief.tracks[item].times[0])} on"]
+    if condition := skip_condition(case):
+        node, text = condition
+        title = f"the mission skips {item}: {node} has {text}"
+        return Finding("mission.not_tried", node, title, tuple(reasons), item, None)
     if moving is not None:
         reasons.append(f"it was moved by {distance(moving.way)} {between(moving.start, moving.end)}")
     return Finding("mission.not_tried", "", title, tuple(reasons), item, None)
+
+
+def skip_condition(case: Investigation) -> tuple[str, str] | None:
+    """Return the node around a grasp that its condition passes over, and the condition, by the mission's
+    files."""
+    for name in case.run.log.attachments:
+        if name != "mission.yaml" and not name.startswith("include/"):
+            continue
+        try:
+            trees = yaml.safe_load(case.run.log.attachment(name))
+        except yaml.YAMLError:
+            continue
+        found = next((each for each in _conditions(trees) if "Grasp" in each[2] or "Sort" in each[2]), None)
+        if found is not None:
+            return found[0], found[1]
+    return None
+
+
+def _conditions(tree: object) -> Iterator[tuple[str, str, str]]:
+    """Yield node, condition and text of the nodes below that have a condition."""
+    if isinstance(tree, list):
+        for each in cast("list[object]", tree):
+            yield from _conditions(each)
+    elif isinstance(tree, dict):
+        for node, inside in cast("dict[object, object]", tree).items():
+            ports = cast("dict[str, object]", inside) if isinstance(inside, dict) else {}
+            for key in CONDITIONS:
+                if key in ports:
+                    yield str(node), f"{key}: {ports[key]}", f"{node} {ports}"
+            yield from _conditions(cast("object", inside))
+
+
+CONDITIONS = ("_skipIf", "_successIf", "_failureIf", "_while")
+"""Keys of a node that may pass it over."""

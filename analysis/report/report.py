@@ -10,14 +10,14 @@ from dataclasses import dataclass, fields
 from html import escape
 from pathlib import Path
 from string import Template
-from typing import Final
+from typing import Final, cast
 
 import numpy as np
 import orjson
 
 from picktree import __version__
 from picktree.analysis import Run
-from picktree.analysis.explain import ExplainedOutcome
+from picktree.analysis.explain import ExplainedOutcome, cause_account
 from picktree.authoring import svg_drawing
 from picktree.files import PicktreeError, file_system
 from picktree.world import Plan
@@ -38,7 +38,11 @@ def pack_failures(run: Run) -> Section:
         {"cause": c.cause, **{name: getattr(c.total, name) for name in counts}, "told": c.to_text()}
         for c in explanation.recovery.causes
     ]
-    return Section("failures", {**named, "causes": causes})
+    roots: list[Packable] = [
+        {"account": cause_account(explanation, root), **cast("dict[str, Packable]", plain_value(root))}
+        for root in explanation.root_causes
+    ]
+    return Section("failures", {**named, "root_causes": roots, "causes": causes})
 
 
 def plain_value(value: object) -> Packable:

@@ -94,14 +94,16 @@ class MissionRun(RunResult):
         """Recorded run, read from the log on request."""
         return Run(self.log)
 
-    def explain(self, *, everything: bool = False) -> ReadableText:
+    def explain(self, *, everything: bool = False, truth: bool | None = None) -> ReadableText:
         """Return the explanation of the run's end: root causes, failures, cures, items.
 
-        `everything` describes each failure and each item separately.
+        `everything` describes each failure and each item separately. `truth`: the ground truth is used; None:
+        where the log has it.
         """
-        from picktree.analysis.explain import to_text
+        from picktree.analysis.explain import explain, to_text
 
-        text = to_text(self.record, self.record.explanation, str(self.folder), everything=everything)
+        found = self.record.explanation if truth is None else explain(self.record, truth=truth)
+        text = to_text(self.record, found, str(self.folder), everything=everything)
         return ReadableText(text)
 
     def show(

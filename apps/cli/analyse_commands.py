@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TextIO
 
 import typer
 
-from .options import JsonAnswer, JsonResult, JsonWritten, Log, Show, View, run_log
+from .options import JsonAnswer, JsonResult, JsonWritten, Log, Show, View, WithoutTruth, run_log
 from .output import StatusLine, end_with, json_text, keep_stdout, painter, print_answer, program
 
 if TYPE_CHECKING:
@@ -50,6 +50,7 @@ def explain(
     hide_faults: Annotated[
         bool, typer.Option("--hide-faults", help="Do not list the injected faults.")
     ] = False,
+    without_truth: WithoutTruth = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the explanation as one JSON object.")
     ] = False,
@@ -63,7 +64,7 @@ def explain(
     from picktree.analysis.explain import holds_runs
 
     if holds_runs(log):
-        _explain_runs(Path(log), answer)
+        _explain_runs(Path(log), answer, truth=False if without_truth else None)
         return
 
     from picktree.analysis import Run
@@ -71,7 +72,7 @@ def explain(
     from picktree.analysis.explain import to_json_text, to_text
 
     with Run(log) as run:
-        found = find_out(run, faults=not hide_faults)
+        found = find_out(run, faults=not hide_faults, truth=False if without_truth else None)
         print_answer(
             answer,
             lambda: to_text(
@@ -81,13 +82,13 @@ def explain(
         )
 
 
-def _explain_runs(folder: Path, answer: TextIO | None) -> None:
+def _explain_runs(folder: Path, answer: TextIO | None, truth: bool | None) -> None:
     from picktree.analysis.explain import explain_runs, runs_json_text, runs_text
     from picktree.apps.batch import dropped_logs
 
     dropped = dropped_logs(folder, program())
     with StatusLine() as line:
-        found = explain_runs(folder, line.say, [dropped] if dropped else [])
+        found = explain_runs(folder, line.say, [dropped] if dropped else [], truth=truth)
     print_answer(
         answer,
         lambda: runs_text(found, program(), painter(sys.stdout)),
@@ -215,6 +216,7 @@ def report(
     log: Log,
     output: Annotated[Path, typer.Option("-o", "--output", metavar="PAGE", help="HTML file to write.")],
     open_it: Annotated[bool, typer.Option("--open", help="Open it in the browser.")] = False,
+    without_truth: WithoutTruth = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the written file as one JSON object.")
     ] = False,
@@ -228,7 +230,7 @@ def report(
 
     if output.suffix.lower() not in (".html", ".htm"):
         raise PicktreeError(f"{output}: a report is an HTML page; name it {output.with_suffix('.html').name}")
-    with Run(log) as run:
+    with Run(log, truth=False if without_truth else None) as run:
         if run.recovered:
             print(run.recovered, file=sys.stderr)
         written = write_report(run, output)

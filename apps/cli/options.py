@@ -46,6 +46,10 @@ Log: TypeAlias = Annotated[
         metavar="LOG", help="Log file, run folder, 'last', or a batch's job: DIR@seed=7.", parser=run_log
     ),
 ]
+WithoutTruth: TypeAlias = Annotated[
+    bool,
+    typer.Option("--without-truth", help="Explain by the robot's own sensors and belief alone."),
+]
 ShippedScene: TypeAlias = Annotated[str, typer.Option(metavar="SCENE", help="Shipped scene or scene file.")]
 OtherRobot: TypeAlias = Annotated[
     str | None,

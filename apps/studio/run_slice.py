@@ -388,10 +388,11 @@ class RunSlice(Slice):
         return next((each.path for each in self._workspace.files("mission") if each.name == name), "")
 
     @call("runs.explain")
-    async def explain(self, id: str) -> JsonValue:
+    async def explain(self, id: str, without_truth: bool = False) -> JsonValue:
         """Return the explanation of a run, as `picktree explain --json` prints it."""
         log = self.log_of(id)
-        file = await self._made.made(log, "explain.json", ["explain", str(log), "--json"])
+        option, name = (["--without-truth"], "explain-seen.json") if without_truth else ([], "explain.json")
+        file = await self._made.made(log, name, ["explain", str(log), "--json", *option])
         return orjson.loads(await asyncio.to_thread(file.read_bytes))
 
     @call("runs.report")

@@ -2,7 +2,7 @@ from .pipeline import WORK_PER_TICK as WORK_PER_TICK, Perception as Perception
 
 # for other rooms
 from . import segmentation as segmentation
-from .backdrop import table_of as table_of
+from .backdrop import BackgroundModel as BackgroundModel, table_of as table_of
 from .camera_geometry import (
     PosedCamera as PosedCamera,
     depth_noise as depth_noise,

@@ -9,15 +9,17 @@ from pathlib import Path
 import pytest
 
 from picktree.analysis import Run
-from picktree.analysis.explain import case, to_text
+from picktree.analysis.explain import to_text, true_world
 from picktree.analysis.explain.explanation_text import notes_on
 from picktree.apps.cli.replay_stepper import evidence_lines
 from picktree.logs import RunLog
 from picktree.logs.log_files import Rotation
-from picktree.session import RunRequest, Session
+from picktree.session import ResumeRequest, Resumption, RunRequest, Session
 
+from .test_explain_devices import CAN
 from .test_explain_roots import BALL, BLOCK
 from .test_explain_roots import MISSION as SORT
+from .test_explain_roots import run as run_sort
 
 HEAD = "picktree: 1\nkind: mission\nscene: sort_small\n"
 PLUGIN = """
@@ -242,9 +244,27 @@ def test_a_run_that_was_killed_while_an_item_fell_has_no_other_cause(
     world.control.step_tick = watch  # pyright: ignore[reportAttributeAccessIssue]
     assert session.run().status == "success"
     assert len(copies) >= 12
-    monkeypatch.setattr(case, "true_states", _no_states)
+    monkeypatch.setattr(true_world, "true_states", _no_states)
     for folder in copies:
         with Run(folder) as log:
             found = log.explanation
         assert (folder.name, found.outcome.status) == (folder.name, "killed")
         assert [cause.cause for cause in found.root_causes] == ["run.killed"], folder.name
+
+
+def test_a_resumed_run_takes_over_what_was_lost_before(tmp_path: Path) -> None:
+    fault = "{fault: remove, when: {node: Grasp, delay: 500 ms}, target: {nearest_to: object}}"
+    folder = run_sort(
+        tmp_path,
+        items=BALL + BLOCK + CAN.replace("0.5,", "0.58,").replace("0.52,", "0.6,"),
+        fault=fault,
+        limit=13.0,
+    )
+    with Resumption(ResumeRequest(folder, out=tmp_path / "resumed", limit=60.0)) as resumption:
+        resumed = resumption.session().run().folder
+    with Run(resumed) as log:
+        found = log.explanation
+    (cause,) = found.root_causes
+    assert (found.outcome.status, cause.cause, cause.items) == ("incomplete", "item.gone", ("blue_block_1",))
+    assert cause.time is not None and cause.time < 1.0
+    assert cause.reasons[0].startswith("this log begins later, at ")

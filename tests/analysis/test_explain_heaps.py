@@ -10,9 +10,8 @@ import pytest
 
 from picktree.analysis import Run
 from picktree.analysis.explain.body_tracks import BodyTracks
-from picktree.analysis.explain.case import Investigation
 from picktree.analysis.explain.identities import Identities
-from picktree.analysis.explain.run_explanation import failures_of
+from picktree.analysis.explain.run_explanation import failures_of, investigation
 from picktree.analysis.explain.unsorted_items import Remainder, lying, remains
 from picktree.logs import Stamped
 from picktree.logs.log_records import BlockRecord, BodyRecord, Scene
@@ -139,7 +138,7 @@ def test_a_thing_is_the_true_item_that_moved_with_the_hand() -> None:
 
 
 def test_nothing_remains_in_a_bin_that_is_no_tote(vain: Run) -> None:
-    case = Investigation(vain, vain.account.tree, failures_of(vain, vain.account))
+    case = investigation(vain, vain.account, failures_of(vain, vain.account), truth=True)
     assert remains(case, "red_bin", vain.end) == []
     assert all(isinstance(one, Remainder) for one in remains(case, "tote", vain.end))
 

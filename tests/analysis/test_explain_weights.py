@@ -19,7 +19,7 @@ from picktree.analysis.explain.held_items import (
     held_periods,
 )
 from picktree.analysis.explain.item_causes import explain_misjudged_place
-from picktree.logs.series import JointSeries, WrenchSeries
+from picktree.logs.series import GripperSeries, WrenchSeries
 from picktree.world import Box, Pose
 from picktree.world.scene import CatalogueEntry
 
@@ -36,10 +36,8 @@ def case(pressed: float, pulled: float, entry: CatalogueEntry = ENTRY) -> Invest
     closed, gone = times >= 0.5, times >= 1.5
     width = np.where(closed & ~gone, 0.02, 0.04) * np.where(gone, 0.0, 1.0)
     force = np.where(closed & ~gone, pressed, 0.0)
-    fingers, efforts = np.stack([width, width], axis=1), np.stack([force, force], axis=1)
     down = np.where((times >= 0.8) & (times < 1.4), -pulled, 0.0)
     run = SimpleNamespace(
-        joints=JointSeries(("finger_1", "finger_2"), times, fingers, np.zeros((40, 2)), efforts),
         wrenches=WrenchSeries(times, np.stack([0 * down, 0 * down, down], axis=1), np.zeros((40, 3))),
         picks=(),
     )
@@ -56,7 +54,10 @@ def case(pressed: float, pulled: float, entry: CatalogueEntry = ENTRY) -> Invest
         "once": lambda _: (HELD,),
         "identities": SimpleNamespace(phantoms={}, by_item={}),
         "gone": lambda _: None,
-        "truth": SimpleNamespace(tracks={"item_00": SimpleNamespace(before=lambda _: lay)}),
+        "bodies": SimpleNamespace(tracks={"item_00": SimpleNamespace(before=lambda _: lay)}),
+        "world": SimpleNamespace(is_true=True),
+        "truly": "truly ",
+        "gripper": GripperSeries(times, 2.0 * width, force),
         "believed_at": lambda _: [SimpleNamespace(id=ITEM, attached=True)],
     }
     return cast("Investigation", SimpleNamespace(**told))
@@ -148,7 +149,9 @@ def seen_elsewhere(*, held: tuple[HeldPeriod, ...], off: tuple[DeviceFinding, ..
     told = {
         "pairs": {BALL: "item_00"},
         "belief": SimpleNamespace(tracks={BALL: SimpleNamespace(before=lambda _: believed)}),
-        "truth": SimpleNamespace(at=lambda *_: lies),
+        "bodies": SimpleNamespace(at=lambda *_: lies),
+        "world": SimpleNamespace(is_true=True),
+        "truly": "truly ",
         "changes": lambda *_, **__: [SimpleNamespace(time=6.0)],
         "visit": lambda _: SimpleNamespace(start=9.0),
         "identities": SimpleNamespace(by_item={BALL: [SimpleNamespace(time=1.0, off=(0.0, -0.04))]}),

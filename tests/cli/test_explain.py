@@ -64,7 +64,7 @@ def test_text(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
 def test_json(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert answer(["explain", str(folder), "--json"]) == 0
     found = json.loads(capfd.readouterr().out)
-    assert list(found) == ["outcome", "failures", "recovery", "root_causes", "items", "look_at"]
+    assert list(found) == ["outcome", "failures", "recovery", "root_causes", "items", "look_at", "with_truth"]
     assert {"status": "failure", "mission": "one pick", "items_sorted": 1, "items_total": 4}.items() <= found[
         "outcome"
     ].items()

@@ -46,7 +46,9 @@ export class Failures {
     return made("li", { class: root.ended_run ? "ended" : "" },
       made("p", {}, made("code", {}, root.cause), root.ended_run ? made("span", { class: "fate ended" }, "cost the goal") : null),
       made("p", { class: "title" }, root.title),
+      made("p", { class: "reason account" }, root.account),
       ...root.reasons.map((reason) => made("p", { class: "reason" }, reason)),
+      ...root.against.map((reason) => made("p", { class: "reason against" }, `against it: ${reason}`)),
       links.length ? made("p", { class: "numbers" }, links.length > 1 ? "failures " : "failure ", ...links) : null,
     );
   }

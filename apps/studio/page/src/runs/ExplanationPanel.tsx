@@ -53,9 +53,11 @@ export function ExplanationPanel({ found, time, onGo }: ExplanationPanelProps) {
 function Root({ root, go }: { root: RootCause; go(number: number): void }) {
   return (
     <li>
-      <p><code>{root.cause}</code> <span className="muted">{root.confidence}{root.seconds_lost > 0 && `, cost ${root.seconds_lost.toFixed(1)} s`}</span>{root.ended_run && <b className="status failure"> ✗ cost the goal</b>}</p>
+      <p><code>{root.cause}</code>{root.ended_run && <b className="status failure"> ✗ cost the goal</b>}</p>
       <p className="title">{root.title}</p>
+      <p className="muted account">{root.account}</p>
       {root.reasons.map((reason, place) => <p className="muted" key={place}>{reason}</p>)}
+      {root.against.map((reason, place) => <p className="muted against" key={`against ${place}`}>against it: {reason}</p>)}
       {root.planted.length > 0 && <p className="muted">Planted: {root.planted.join("; ")}</p>}
       {root.failures.length > 0 && (
         <p className="numbers"><span className="muted">{root.failures.length > 1 ? "failures" : "failure"}</span> {root.failures.map((number) => (

@@ -28,7 +28,8 @@ export interface RootCause {
   time: number | null;
   seconds_lost: number;
   planted: string[];
-  confidence: string;
+  against: string[];
+  account: string;
 }
 
 export interface Explanation {

@@ -1,14 +1,16 @@
-"""Root causes of failures, and of items that are not at their destination.
+"""Table of hypotheses about failures and unsorted items, and their ranking.
 
 The search begins at the end: with each item that is not at its destination, and each failure that cost time.
-For each it runs the same detectors in one order (`FAILURE_DETECTORS`); the first result is its finding. Equal
-findings are one root cause, ranked by its cost: items first, then seconds.
+All hypotheses of `HYPOTHESES` are tested on each failure. The first one has the strongest evidence,
+explains most failures of the run, and contradicts least. The next one of another cause is its rival.
+Equal findings are one root cause, ranked by its cost: items first, then seconds.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final, TypeAlias
@@ -19,7 +21,7 @@ from picktree.world import event_types, world
 
 from .case import Investigation
 from .device_causes import device_findings
-from .explanation import ExplainedOutcome, FailureStory, Finding, RootCause, seconds
+from .explanation import ExplainedOutcome, Explanation, FailureStory, Finding, RootCause, seconds
 from .held_items import explain_drop, explain_overweight, held_periods, pressed_from_below
 from .item_causes import (
     explain_misjudged_place,
@@ -48,7 +50,9 @@ DISPLACEMENT_CAUSES = frozenset(
     {"item.moved", "item.left_bin", "item.pushed_by_arm", "item.struck",
      "item.slipped", "item.slippery", "item.heavy", "grasp.weak", "gripper.weak", "grasp.not_felt"}
 )  # fmt: skip
-PLACE_CAUSES = frozenset({"item.out_of_reach", "item.beside_bin", "item.crowded", "item.hemmed_in"})
+PLACE_CAUSES = frozenset(
+    {"item.out_of_reach", "item.beside_bin", "item.crowded", "item.hemmed_in", "item.fell_elsewhere"}
+)
 """Causes due to an item's place: their root is the event that brought the item there."""
 RUN_CAUSES = frozenset(
     {
@@ -85,29 +89,109 @@ def explain_push_from_below(case: Investigation, failure: FailureStory) -> Findi
     return explain_contact(case, failure) if pressed_from_below(failure) else None
 
 
-FAILURE_DETECTORS: Final[tuple[FailureDetector, ...]] = (
-    # Device faults, which several failures may share, and failures whose own message names the cause.
-    explain_device_fault,
-    explain_left_in_tote,
-    explain_mission_error,
-    explain_missing_grasp,
-    # True properties of the item, and its true existence.
-    explain_wrong_size,
-    explain_too_wide,
-    explain_overweight,
-    explain_missing_item,
-    # Forces, and the loss of the item from the hand.
-    explain_push_from_below,
-    explain_drop,
-    # True and believed place, obstructions, contacts.
-    explain_wrong_place,
-    explain_wrong_bin,
-    explain_obstruction,
-    explain_misjudged_place,
-    explain_unacknowledged_stop,
-    explain_contact,
-)
-"""Detectors of a failure's cause, in this order; the first finding counts."""
+@dataclass(frozen=True, slots=True)
+class Hypothesis:
+    """Hypothesis about the cause of a failure."""
+
+    explain: FailureDetector
+    """Test on the log: the finding, or None."""
+    evidence: int
+    """Strength of its evidence. 3: the device itself, or the failure's message. 2: a measured property.
+    1: a place or an event in the cell. 0: a contact with a body that is near."""
+    must: str
+    """Records that the log then has."""
+    must_not: str = ""
+    """Records that the log then lacks; their presence is counter-evidence."""
+
+
+HYPOTHESES: Final[tuple[Hypothesis, ...]] = (
+    Hypothesis(
+        explain_device_fault, 3,
+        "readings, set points or images that no working device gives, at the time of the failure",
+        "the same readings while the device does its work",
+    ),
+    Hypothesis(explain_left_in_tote, 3, "a search for grasps in a tote that found none"),
+    Hypothesis(
+        explain_mission_error, 3, "a cause of the tree: time-out, missing input, exception, no case"
+    ),
+    Hypothesis(explain_missing_grasp, 3, "a place before any grasp", "a grasp that held the item"),
+    Hypothesis(explain_wrong_size, 2, "an opening or a true size that is not the kind's"),
+    Hypothesis(explain_too_wide, 2, "no grasp candidate, and a width beyond the opening"),
+    Hypothesis(
+        explain_overweight, 2, "a load on the wrist, or a true mass, beyond the kind's weight",
+        "a hold without slip under the same load",
+    ),
+    Hypothesis(
+        explain_missing_item, 2, "a sighting at a place without an item", "a grip or a load on the wrist"
+    ),
+    Hypothesis(explain_push_from_below, 1, "a negative load with the item still between the fingers"),
+    Hypothesis(
+        explain_drop, 1, "fingers that close further, a load that goes, or an item that leaves the hand",
+        "the item still between the fingers",
+    ),
+    Hypothesis(
+        explain_wrong_place, 1, "an item beside its believed place, or nowhere", "a grip on the item"
+    ),
+    Hypothesis(explain_wrong_bin, 1, "a placement into a bin that the scene's rules do not name"),
+    Hypothesis(explain_obstruction, 1, "refused candidates or plans, with the bodies that they touch"),
+    Hypothesis(explain_misjudged_place, 0, "a resting item that was seen elsewhere"),
+    Hypothesis(explain_unacknowledged_stop, 0, "a safety stop that nothing has acknowledged"),
+    Hypothesis(explain_contact, 0, "a contact force, and the body next to the hand"),
+)  # fmt: skip
+"""Hypotheses; of equal ones the first counts."""
+EVIDENCE_WEIGHT, SHARE_WEIGHT, AGAINST_WEIGHT, DOUBT_WEIGHT = 1.0, 0.8, 0.4, 0.3
+"""Weights: of a step of evidence, of the share of failures that are explained, of a piece of
+counter-evidence, and of a doubtful finding."""
+MIN_MARGIN = 0.25
+"""Margin to the next hypothesis below which the first one is merely possible."""
+
+
+def _ranked(case: Investigation) -> Mapping[int, Finding]:
+    """Return the best finding for each failure, with its rival as counter-evidence."""
+    found: dict[int, list[tuple[float, Finding]]] = {}
+    for failure in case.failures:
+        answers = ((each.evidence, each.explain(case, failure)) for each in HYPOTHESES)
+        found[failure.number] = [
+            (_strength(evidence, answer), answer) for evidence, answer in answers if answer is not None
+        ]
+    explained = Counter(key for each in found.values() for key in {_key(answer) for _, answer in each})
+    best: dict[int, Finding] = {}
+    for number, answers in found.items():
+        scored = [
+            (strength + SHARE_WEIGHT * explained[_key(answer)] / len(found), -place, answer)
+            for place, (strength, answer) in enumerate(answers)
+        ]
+        scored.sort(key=lambda each: each[:2], reverse=True)
+        if scored:
+            best[number] = _with_rival(scored)
+    return best
+
+
+def _key(finding: Finding) -> tuple[str, str]:
+    return finding.cause, finding.about
+
+
+def _strength(evidence: int, finding: Finding) -> float:
+    doubt = DOUBT_WEIGHT * (finding.confidence != "likely")
+    return EVIDENCE_WEIGHT * evidence - AGAINST_WEIGHT * len(finding.against) - doubt
+
+
+def _with_rival(scored: Sequence[tuple[float, int, Finding]]) -> Finding:
+    """Return the first finding; the next one of another cause is evidence against it where both are near."""
+    score, _, first = scored[0]
+    rival = next(((s, f) for s, _, f in scored[1:] if f.cause != first.cause), None)
+    if rival is None or score - rival[0] > RIVAL_MARGIN:
+        return first
+    close = score - rival[0] < MIN_MARGIN
+    return replace(
+        first,
+        against=(*first.against, f"this fits, too: {rival[1].title}"),
+        confidence="possible" if close and first.confidence == "likely" else first.confidence,
+    )
+
+
+RIVAL_MARGIN = 0.75
+"""Margin up to which the next hypothesis is named."""
 
 
 @dataclass
@@ -121,9 +205,12 @@ class _Group:
 
 
 def root_causes_of(
-    case: Investigation, outcome: ExplainedOutcome, planted: Sequence[Stamped[event_types.FaultEvent]]
+    case: Investigation,
+    outcome: ExplainedOutcome,
+    planted: Sequence[Stamped[event_types.FaultEvent]],
+    earlier: Explanation | None = None,
 ) -> tuple[RootCause, ...]:
-    """Return the root causes, those that cost most first.
+    """Return the root causes, those that cost most first. `earlier`: of the run that this one continues.
 
     A failure is no root cause when the mission lists an action for it under `instead`.
     """
@@ -138,10 +225,14 @@ def root_causes_of(
     for failure in case.failures:
         if failure.number not in case.once(_answered_instead):
             group(by_failure[failure.number]).failures.append(failure)
+    lost_before = {} if earlier is None or outcome.status == "success" else _lost_before(case, earlier)
     for true in _unsorted(case, outcome):
-        finding = _why_unsorted(case, true, by_failure)
+        finding = lost_before.pop(case.name_of(true), None) or _why_unsorted(case, true, by_failure)
         if finding is not None:
             group(finding).items[true] = None
+    for item, finding in lost_before.items():
+        if item not in case.pairs and finding.cause == "item.gone":  # the truth of this log lacks it
+            group(finding).items[item] = None
     ending = explain_run_end(case, outcome) or (explain_missed_goal(case, outcome) if not groups else None)
     if ending is not None:
         group(ending)
@@ -163,10 +254,7 @@ def _findings_by_failure(case: Investigation) -> Mapping[int, Finding]:
         if failure.because_of is not None and failure.because_of not in case.once(_answered_instead):
             finding = found[failure.because_of]
         else:
-            answers = (detect(case, failure) for detect in FAILURE_DETECTORS)
-            finding = next(
-                (answer for answer in answers if answer is not None), _failure_message_finding(case, failure)
-            )
+            finding = case.once(_ranked).get(failure.number) or _failure_message_finding(case, failure)
         true = case.pairs.get(failure.item, "")
         before = displaced.get(true)
         if finding.cause == "item.moved" and before is not None and _kept_moving(case, true, before, finding):
@@ -178,6 +266,28 @@ def _findings_by_failure(case: Investigation) -> Mapping[int, Finding]:
             if not any(period.start > (before.time or 0.0) for period in held):
                 finding = before
         found[failure.number] = finding
+    return found
+
+
+def _lost_before(case: Investigation, earlier: Explanation) -> dict[str, Finding]:
+    """Return the findings on items that were lost before the log begins, by their believed names."""
+    begins = case.run.ticks.times[0] if case.run.ticks.times else 0.0
+    found: dict[str, Finding] = {}
+    for root in earlier.root_causes:
+        for item in root.items if root.time is not None and root.time < begins else ():
+            touched = any(f.item == item for f in case.failures)
+            if not touched and placed_at(case, case.pairs.get(item, "")) is None:
+                reasons = (f"this log begins later, at {seconds(begins)}", *root.reasons)
+                found[item] = Finding(
+                    root.cause,
+                    root.item,
+                    root.title,
+                    reasons,
+                    root.item,
+                    root.time,
+                    root.confidence,
+                    root.against,
+                )
     return found
 
 
@@ -194,7 +304,7 @@ def _answered_instead(case: Investigation) -> frozenset[int]:
 
 def _kept_moving(case: Investigation, true: str, before: Finding, after: Finding) -> bool:
     """Whether an item has not come to rest between its displacement and its next motion."""
-    bodies = [body for _, body in case.truth.tracks[true].since(before.time or 0.0, after.time or 0.0)]
+    bodies = [body for _, body in case.bodies.tracks[true].since(before.time or 0.0, after.time or 0.0)]
     steps = itertools.pairwise(bodies)
     return all(math.dist(a.pose.position, b.pose.position) > MIN_STEP for a, b in steps)
 
@@ -226,7 +336,7 @@ def _unsorted(case: Investigation, outcome: ExplainedOutcome) -> list[str]:
     if outcome.status == "success":
         return []
     over = outcome.status in ("success", "incomplete")
-    wrong = [true for true, judged in case.scores.items() if not judged.is_in_place]
+    wrong = [true for true, judged in case.verdicts.items() if not judged.is_in_place]
     return [true for true in wrong if over or case.gone(true) is not None or _settled(case, true)]
 
 
@@ -234,7 +344,7 @@ def _settled(case: Investigation, true: str) -> bool:
     """Whether a truncated log has ground truth after the placement of an item."""
     done = placed_at(case, true)
     tried = any(f.item in case.believed.get(true, ()) and f.fate != "open" for f in case.failures)
-    return tried if done is None else case.truth.tracks[true].times[-1] > done + SETTLING_TIME
+    return tried if done is None else case.bodies.tracks[true].times[-1] > done + SETTLING_TIME
 
 
 SETTLING_TIME = 0.4
