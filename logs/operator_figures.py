@@ -225,7 +225,7 @@ class FigureCounter:
         if self.time is not None and self.activity is not None and now > self.time:
             uses[self.activity] = uses.get(self.activity, 0.0) + now - self.time
         return FigureCounts(
-            seconds=now,
+            seconds=round(now, 6),
             units=self.gone_units + states.count("done"),
             entered=self.gone_units
             + sum(
