@@ -250,7 +250,7 @@ class FigureCounter:
             if use == "thinking" and before is not None:
                 use = "moving" if abs(motion.fingers - before) > _MIN_FINGER_MOTION else use
         if self.time is not None and use is not None:
-            self.activities[use] = self.activities.get(use, 0.0) + time - self.time
+            self.activities[use] = round(self.activities.get(use, 0.0) + time - self.time, 6)
         self.time = time
 
     def _use(self, motion: CellMotion | None) -> Activity | None:

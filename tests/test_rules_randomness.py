@@ -262,5 +262,12 @@ def test_every_generator_is_keyed() -> None:
         "apps/commissioning/model_checks.py": ["np.random.default_rng(0)"],
         "apps/commissioning/robot_test.py": ["np.random.default_rng(0)"],
         "apps/commissioning/self_collision.py": ["np.random.default_rng([seed, 0])"],
-        "world/random_streams.py": ["np.random.default_rng([self.seed, zlib.crc32(stream.encode()), n])"],
+        "world/random_streams.py": [
+            "np.random.default_rng([self.seed, zlib.crc32(stream.encode()), n, *variant])"
+        ],
+        # Intervals of figures over runs.
+        "logs/operator_figures.py": [
+            "np.random.default_rng(0).integers(pairs.shape[1], size=(_RESAMPLES, pairs.shape[1]))",
+            "np.random.default_rng(0)",
+        ],
     }

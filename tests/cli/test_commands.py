@@ -68,6 +68,7 @@ def test_request_carries_every_option(stage: Any) -> None:
             "limit": 5400.0,
             "rotation": Rotation(2_000_000, 90.0),
             "robot_at": "",
+            "perception_at": "",
             "speed": 1.0,
             "confirm": False,
         }

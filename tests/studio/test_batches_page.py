@@ -1,4 +1,4 @@
-"""Batches in the browser: a plan as text and form; four jobs are started, watched, stopped, resumed."""
+"""Batches in the browser: a plan as text and form; eight jobs are started, watched, stopped, resumed."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PLAN = """picktree: 1
 kind: plan
 # The missions that are tried.
 missions: []
-seeds: 0:2
+seeds: 0:4
 backend: kinematic
 keep: all
 """
@@ -39,7 +39,9 @@ def page(served: Served, chromium: Chromium) -> Iterator[tuple[Any, Told]]:
 
 
 @needs(packages("studio"))
-def test_a_batch_is_planned_started_stopped_and_resumed(served: Served, page: tuple[Any, Told]) -> None:
+def test_a_batch_of_eight_is_planned_started_stopped_and_resumed(
+    served: Served, page: tuple[Any, Told]
+) -> None:
     browser, told = page
     go(browser, "#/batches")
     browser.get_by_text("No batch in this folder yet").wait_for()
@@ -50,23 +52,23 @@ def test_a_batch_is_planned_started_stopped_and_resumed(served: Served, page: tu
     browser.get_by_label("Add to Missions").select_option("one_pick.yaml")
     browser.get_by_label("Faults", exact=True).and_(browser.locator("input")).fill("none, slip.yaml")
     browser.keyboard.press("Enter")
-    browser.get_by_text("Matrix: 2 × 2 seeds = 4 jobs").wait_for()
+    browser.get_by_text("Matrix: 2 × 4 seeds = 8 jobs").wait_for()
     assert serious(browser) == []
-    browser.get_by_role("button", name="Start 4 jobs").click()
+    browser.get_by_role("button", name="Start 8 jobs").click()
     assert browser.locator(".batch-page h1").inner_text().startswith("night")
     written = PLAN.replace("[]", "[one_pick.yaml]\nfaults: [none, slip.yaml]")
     assert (served.folder / "night.yaml").read_text(encoding="utf-8") == written
 
     bar = browser.get_by_role("progressbar")
-    browser.get_by_role("button", name=re.compile("success 1")).wait_for()
+    browser.get_by_role("button", name=re.compile("success [12]")).wait_for()
     browser.get_by_role("button", name="Stop").click()
     browser.locator(".outcome.stopped").wait_for()
-    assert 1 <= int(bar.get_attribute("aria-valuenow") or 0) < 4
+    assert 1 <= int(bar.get_attribute("aria-valuenow") or 0) < 8
     # Another page finds it again, and goes on with it.
     browser.reload()
     browser.get_by_role("button", name="Go on").click()
     browser.locator(".batch-head .outcome.done").wait_for()
-    assert bar.get_attribute("aria-valuenow") == "4"
+    assert bar.get_attribute("aria-valuenow") == "8"
 
     # From a bar to the runs behind it.
     cause = browser.locator(".pareto button").first
@@ -75,7 +77,7 @@ def test_a_batch_is_planned_started_stopped_and_resumed(served: Served, page: tu
     assert serious(browser) == []
     cause.click()
     browser.locator(".behind").get_by_text("seed 0").wait_for()
-    assert browser.locator(".behind li").count() == 2
+    assert browser.locator(".behind li").count() == 4
     assert serious(browser) == []
     link = browser.get_by_role("link", name="Open the run").first.get_attribute("href")
     assert link.startswith("#/run/runs/batch-night-")
