@@ -27,7 +27,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Final
 
 from _campaign import ROOT, Row, campaign, options, seeds
-from picktree.apps.batch import rate
+from picktree.logs import rate
 from sorting import largest_force
 
 if TYPE_CHECKING:
