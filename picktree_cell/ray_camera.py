@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Hits:
-    """What the rays of a picture meet, in the order of its pixels."""
+    """Surfaces that the rays of a picture meet, in the order of its pixels."""
 
     geoms: NDArray[np.int32]
     """Number of the geom (n,); -1: none."""

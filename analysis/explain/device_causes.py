@@ -461,13 +461,16 @@ def wrist_biased(case: Investigation) -> Iterator[DeviceFinding]:
     if spans:
         start, end = spans[0]
         most = float(np.median(off[(times >= start) & (times <= end)]))
-        title = f"the wrist sensor read {force(most)} that were not there, from {seconds(start)} on"
-        reasons = (f"its reading differed by this much from the true force {listed_spans(spans)}",)
-        yield DeviceFinding(
-            Finding("wrist.biased", "wrist", title, reasons, "", start),
-            ((start - 0.5, spans[-1][1]),),
-            FORCE_FAILURES,
-        )
+        yield _biased(spans, most, "its reading differed by this much from the true force")
+
+
+def _biased(spans: list[tuple[float, float]], most: float, reason: str) -> DeviceFinding:
+    """Return the finding on a wrist sensor that read `most` N too much in the spans."""
+    start = spans[0][0]
+    title = f"the wrist sensor read {force(most)} that were not there, from {seconds(start)} on"
+    reasons = (f"{reason} {listed_spans(spans)}",)
+    finding = Finding("wrist.biased", "wrist", title, reasons, "", start)
+    return DeviceFinding(finding, ((start - 0.5, spans[-1][1]),), FORCE_FAILURES)
 
 
 def _bias_of_empty_hand(case: Investigation) -> Iterator[DeviceFinding]:
@@ -502,14 +505,7 @@ def _bias_of_empty_hand(case: Investigation) -> Iterator[DeviceFinding]:
     if sure:
         most = sizes[sure[0]]
         spans = [span for span in lasting if abs(sizes[span] - most) < SAME_BIAS * most]
-        start = spans[0][0]
-        title = f"the wrist sensor read {force(most)} that were not there, from {seconds(start)} on"
-        reasons = (f"the empty hand felt this wherever it went {listed_spans(spans)}",)
-        yield DeviceFinding(
-            Finding("wrist.biased", "wrist", title, reasons, "", start),
-            ((start - 0.5, spans[-1][1]),),
-            FORCE_FAILURES,
-        )
+        yield _biased(spans, most, "the empty hand felt this wherever it went")
 
 
 CONTACT_SKILLS = frozenset({"Push", "Insert", "Extract", "MakeRoom", "Probe", "Jog", "Stir"})
