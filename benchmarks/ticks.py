@@ -2,21 +2,26 @@
 
     python benchmarks/ticks.py sort_past_obstacles sort_tirelessly --seeds 5
     python benchmarks/ticks.py benchmarks/soak/sort_on.yaml --limit 300 --aside 60
+    python benchmarks/ticks.py --aged benchmarks/results/soak/sort_on-0-… --limit 1800
 
 A tick counts when the arm moves at its beginning: only then must the next set point come in time. With
-`--aside` so many further items lie on the table from the beginning and are set aside in the belief.
+`--aside` so many further items lie on the table from the beginning and are set aside in the belief. With
+`--aged` a run goes on from its last checkpoint, beside the same run from its beginning; they take turns of a
+simulated minute each, and their whole ticks are compared.
 """
 
 from __future__ import annotations
 
 import argparse
+import math
 import tempfile
 import time
 from dataclasses import replace
 from pathlib import Path
 
+from picktree.files import PicktreeError
 from picktree.robot.control import control_loop
-from picktree.session import Execution, RunRequest
+from picktree.session import Execution, ResumeRequest, Resumption, RunRequest
 from picktree.session.run_recipe import read_recipe
 from picktree.world import Stopwatch, computing_time
 from picktree.world.world_facts import ASIDE
@@ -27,6 +32,8 @@ import yaml
 ROOT = Path(__file__).resolve().parent.parent
 AREA = {"min": [0.3, -0.3], "max": [0.75, 0.3]}
 """Part of the table on which items are set aside, m."""
+MINUTE = 60.0
+"""Simulated s after which the other run has its turn."""
 
 
 class ThreadClock:
@@ -39,7 +46,7 @@ def request(mission: Path, seed: int, limit: float, aside: int, folder: Path) ->
     if not aside:
         return RunRequest(mission=mission, seed=seed, limit=limit)
     scene = str(yaml.safe_load(mission.read_text())["scene"])
-    base = str(mission.parent / scene) if scene.endswith(".yaml") else scene
+    base = str(mission.parent.resolve() / scene) if scene.endswith(".yaml") else scene
     spawn = [
         {
             "of": {"block": aside // 2, "brick": aside - aside // 2},
@@ -79,14 +86,49 @@ def ticks(job: RunRequest, aside: int) -> tuple[list[float], list[float], int]:
             moving.append(spent)
 
 
+def aged(log: Path, limit: float) -> None:
+    """Print the CPU times of the ticks of a run that goes on, and of the same run from its beginning."""
+    with Resumption(ResumeRequest(log, limit=math.inf)) as resumption:
+        old = resumption.recipe
+        going_on = Execution(old)
+        going_on.tree.look()
+        going_on.pass_time()  # completes the tick of the checkpoint
+        runs = {"from the beginning": Execution(replace(old, start=None)), "resumed": going_on}
+        times = {name: list[float]() for name in runs}
+        for _ in range(math.ceil(limit / MINUTE)):
+            for name, run in runs.items():
+                until = run.world.clock.now + MINUTE
+                while run.world.clock.now < until:
+                    began = time.thread_time()
+                    run.tick()
+                    if run.status is not None:
+                        raise PicktreeError(f"{log}: the run ended ({name}): {run.status}")
+                    run.pass_time()
+                    times[name].append(1000 * (time.thread_time() - began))
+    print(f"{log.name}, resumed at {resumption.since:.0f} s, beside its beginning, {limit:g} s each:")
+    measured = {name: np.array(each) for name, each in times.items()}
+    figures = {name: (np.mean(ms), np.median(ms), np.percentile(ms, 99.9)) for name, ms in measured.items()}
+    for name, (mean, median, late) in figures.items():
+        print(
+            f"  {name:<19}{len(measured[name])} ticks, mean {mean:.2f} ms, median {median:.2f} ms, "
+            f"99.9th percentile {late:.1f} ms"
+        )
+    ratios = [b / a for a, b in zip(*figures.values(), strict=True)]
+    print(f"  {'ratio':<19}mean {ratios[0]:.2f}, median {ratios[1]:.2f}, 99.9th percentile {ratios[2]:.2f}")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("missions", nargs="+")
+    parser.add_argument("missions", nargs="*")
+    parser.add_argument("--aged", type=Path, metavar="RUN", help="folder or log of a run that goes on")
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--first", type=int, default=11, help="first seed")
     parser.add_argument("--limit", type=float, default=60.0, help="simulated seconds of a run")
     parser.add_argument("--aside", type=int, default=0)
     options = parser.parse_args()
+    if options.aged is not None:
+        aged(options.aged, options.limit)
+        return
     computing_time.time = ThreadClock  # type: ignore[assignment]
     control_loop.perf_counter = time.thread_time
     for name in options.missions:
