@@ -1,12 +1,14 @@
 """Drivers of failure: settings, scenes and items of a batch, ranked by their effect on failures.
 
-Each value of a factor is compared with the other values of the same factor over all jobs. In a complete plan
-every value meets the same seeds and the same other settings, so that the marginal difference is its effect.
+Each value of a factor is compared with the other values of the same factor, seed by seed. In a complete plan
+every value meets the same seeds and the same other settings, so that the mean difference is its effect. Runs
+of one seed share items and faults: of `n` seeds, the least p value is 2 / 2^n.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import shlex
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -17,7 +19,7 @@ from typing import Any, Literal, TypeAlias
 from picktree.logs import Interval, Rate, rate
 
 from .comparison import paired_difference
-from .rates import SIGNIFICANCE_LEVEL, difference_of_rates, fisher_p, holm
+from .rates import SIGNIFICANCE_LEVEL, holm
 from .store import Store
 
 Subject: TypeAlias = Literal["job", "item"]
@@ -37,11 +39,11 @@ class FailureDriver:
     others: Rate
     """Share of failures with the other values."""
     difference: float
-    """Share with this value minus that with the others; of items the mean over the jobs that have both."""
+    """Share with this value minus that with the others: mean over the seeds that have both."""
     interval: Interval
-    """95 % interval of the difference: Newcombe's for jobs, BCa bootstrap over jobs for items."""
+    """95 % interval of the difference: BCa bootstrap over the seeds."""
     p_value: float
-    """Two-sided p value: Fisher's exact test for jobs, permutation within jobs for items."""
+    """Two-sided p value: permutation within the seeds."""
     adjusted: float = 1.0
     """P value by Holm's method over all compared values."""
 
@@ -81,6 +83,13 @@ class DriverRanking:
 
     drivers: tuple[FailureDriver, ...] = ()
     pair: RunPair | None = None
+    seeds: int = 0
+    """Number of seeds of the jobs."""
+
+    @property
+    def least_seeds(self) -> int:
+        """Least number of seeds with which a value can be significant."""
+        return math.ceil(math.log2(2 * max(len(self.drivers), 1) / SIGNIFICANCE_LEVEL))
 
     def to_json(self) -> dict[str, Any]:
         return {
@@ -106,6 +115,8 @@ class DriverRanking:
             yield f"{line}{difference:<28} {p_values}{' *' if each.significant else ''}"
         if len(self.drivers) > len(shown):
             yield f"and {len(self.drivers) - len(shown)} values more"
+        if self.seeds < self.least_seeds:
+            yield f"{self.seeds} seeds: no value can be significant with fewer than {self.least_seeds}"
         if self.pair is not None:
             yield from _pair_lines(self.pair)
 
@@ -119,14 +130,22 @@ def rank_drivers(store: Store) -> DriverRanking:
     jobs = _jobs(store)
     if not any(job.failed for job in jobs):
         return DriverRanking()
-    drivers = [*_job_drivers(jobs), *_item_drivers(store)]
+    items = _rows(
+        store,
+        "SELECT seed, kind, colour, verdict <> 'sorted' FROM items JOIN jobs USING (job) "
+        "WHERE verdict <> 'no destination' ORDER BY job, item",
+    )
+    drivers = [
+        *_drivers("job", [(job.seed, job.factors, job.failed) for job in jobs]),
+        *_drivers("item", [(seed, {"kind": k, "colour": c}, bool(failed)) for seed, k, c, failed in items]),
+    ]
     adjusted = holm([each.p_value for each in drivers])
     ranked = sorted(
         (replace(each, adjusted=p) for each, p in zip(drivers, adjusted, strict=True)),
         key=lambda each: (not each.significant, -abs(each.difference), each.name),
     )
     pair = _pair(store.path.parent, jobs, ranked[0]) if ranked else None
-    return DriverRanking(tuple(ranked), pair)
+    return DriverRanking(tuple(ranked), pair, len({job.seed for job in jobs}))
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,28 +192,44 @@ def _jobs(store: Store) -> tuple[_Job, ...]:
     )
 
 
-def _job_drivers(jobs: Sequence[_Job]) -> Iterator[FailureDriver]:
-    names = dict.fromkeys(name for job in jobs for name in job.factors)
-    for name in names:
-        counts: dict[str, list[int]] = {}
-        for job in jobs:
-            if name in job.factors:
-                count = counts.setdefault(job.factors[name], [0, 0])
-                count[0] += job.failed
-                count[1] += 1
+def _drivers(
+    subject: Subject, outcomes: Sequence[tuple[int, Mapping[str, str], bool]]
+) -> Iterator[FailureDriver]:
+    """Yield the compared values of all factors. `outcomes`: seed, values by factor, and whether it failed.
+
+    What has one seed meets the same items and the same faults: it is one block, not as many samples.
+    """
+    for factor in dict.fromkeys(name for _, values, _ in outcomes for name in values):
+        blocks: defaultdict[int, _Counts] = defaultdict(_counts)
+        counts = _counts()
+        for seed, values, failed in outcomes:
+            if factor in values:
+                for count in (blocks[seed][values[factor]], counts[values[factor]]):
+                    count[0] += failed
+                    count[1] += 1
         failed, total = (sum(count[n] for count in counts.values()) for n in (0, 1))
         for value, (own, size) in _compared(counts):
-            rates = rate(own, size), rate(failed - own, total - size)
-            p_value = fisher_p(*rates)
-            yield FailureDriver(
-                name,
-                value,
-                "job",
-                *rates,
-                (rates[0].share or 0.0) - (rates[1].share or 0.0),
-                difference_of_rates(rates[1], rates[0]),
-                p_value,
-            )
+            both = [_shares(each, value) for each in blocks.values() if value in each and len(each) > 1]
+            found = paired_difference(both)
+            if found.count > 1:
+                yield FailureDriver(
+                    factor,
+                    value,
+                    subject,
+                    rate(own, size),
+                    rate(failed - own, total - size),
+                    found.mean,
+                    found.interval,
+                    found.p_value,
+                )
+
+
+_Counts: TypeAlias = defaultdict[str, list[int]]
+"""Failures and all, by value."""
+
+
+def _counts() -> _Counts:
+    return defaultdict(lambda: [0, 0])
 
 
 def _compared(counts: Mapping[str, Sequence[int]]) -> list[tuple[str, Sequence[int]]]:
@@ -205,41 +240,8 @@ def _compared(counts: Mapping[str, Sequence[int]]) -> list[tuple[str, Sequence[i
     return values if len(values) > 2 else []
 
 
-def _item_drivers(store: Store) -> Iterator[FailureDriver]:
-    """Yield the effects of kind and colour: items of one job are not independent, jobs are."""
-    rows = _rows(
-        store,
-        "SELECT job, kind, colour, verdict <> 'sorted' FROM items WHERE verdict <> 'no destination' "
-        "ORDER BY job, item",
-    )
-    for factor, column in (("kind", 1), ("colour", 2)):
-        by_job: defaultdict[str, defaultdict[str, list[int]]] = defaultdict(
-            lambda: defaultdict(lambda: [0, 0])
-        )
-        counts: defaultdict[str, list[int]] = defaultdict(lambda: [0, 0])
-        for row in rows:
-            for count in (by_job[row[0]][row[column]], counts[row[column]]):
-                count[0] += row[3]
-                count[1] += 1
-        failed, total = (sum(count[n] for count in counts.values()) for n in (0, 1))
-        for value, (own, size) in _compared(counts):
-            pairs = [_shares(each, value) for each in by_job.values() if value in each and len(each) > 1]
-            found = paired_difference(pairs)
-            if found.count > 1:
-                yield FailureDriver(
-                    factor,
-                    value,
-                    "item",
-                    rate(own, size),
-                    rate(failed - own, total - size),
-                    found.mean,
-                    found.interval,
-                    found.p_value,
-                )
-
-
 def _shares(counts: Mapping[str, Sequence[int]], value: str) -> tuple[float, float]:
-    """Return the shares of failures in one job, with the other values and with this one."""
+    """Return the shares of failures with one seed, with the other values and with this one."""
     own, others = counts[value], [count for name, count in counts.items() if name != value]
     return sum(c[0] for c in others) / sum(c[1] for c in others), own[0] / own[1]
 

@@ -81,20 +81,6 @@ def equal_rates_p(a: Rate, b: Rate) -> float:
     return min(float(stats.boschloo_exact(table).pvalue), 1.0)
 
 
-def fisher_p(a: Rate, b: Rate) -> float:
-    """Return the two-sided p value of Fisher's exact test that both shares are equal.
-
-    It is faster than Boschloo's and has less power; a ranking makes many tests.
-    """
-    good = a.successes + b.successes
-    if not a.total or not b.total or good in (0, a.total + b.total):
-        return 1.0
-    from scipy import stats
-
-    table = [[a.successes, b.successes], [a.total - a.successes, b.total - b.successes]]
-    return min(float(stats.fisher_exact(table).pvalue), 1.0)
-
-
 def holm(p_values: Sequence[float]) -> tuple[float, ...]:
     """Return the adjusted p values of a family of tests (Holm 1979).
 

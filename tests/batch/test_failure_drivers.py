@@ -18,23 +18,27 @@ from .test_store import ITEMS, MISSED, SLIP, SUCCESS
 SETTINGS = {"rounds": ("1", "3"), "Grasp.force": ("15", "30"), "Grasp.speed": ("0.9", "1")}
 
 
-@pytest.fixture
-def results(tmp_path: Path) -> Store:
-    """Eight recipes on five seeds. With one round all seeds but 4 fail, with three only seed 0."""
+def recorded(tmp_path: Path, seeds: int) -> Store:
+    """Eight recipes on each seed. With one round all seeds but 11 fail, with three only seed 0."""
     (tmp_path / "b").mkdir()
-    plan = BatchPlan("test", (Path("/m/sort.yaml"),), tuple(range(5)), settings=SETTINGS)
+    plan = BatchPlan("test", (Path("/m/sort.yaml"),), tuple(range(seeds)), settings=SETTINGS)
     jobs = [
         Job(f"{n:016x}", n, variant, seed, "recipe")
         for n, (variant, seed) in enumerate(product(plan.variants(), plan.seeds))
     ]
     made = Store.create(tmp_path / "b" / RESULTS_FILE, jobs)
     for job in jobs:
-        fails = job.seed < 4 if job.variant.settings["rounds"] == "1" else job.seed == 0
+        fails = job.seed < 11 if job.variant.settings["rounds"] == "1" else job.seed == 0
         plate = replace(ITEMS[1], kind="plate", verdict="left" if fails else "sorted")
         row = replace(MISSED, folder="") if fails else replace(SUCCESS, folder=f"jobs/{job.number}")
         failures = (SLIP,) if fails else ()
         assert made.record(job.id, JobRows(row, items=(ITEMS[0], plate), failures=failures))
     return made
+
+
+@pytest.fixture
+def results(tmp_path: Path) -> Store:
+    return recorded(tmp_path, seeds=12)
 
 
 def test_what_was_planted_comes_first_with_its_interval(results: Store) -> None:
@@ -43,18 +47,27 @@ def test_what_was_planted_comes_first_with_its_interval(results: Store) -> None:
         text = summarise(results).to_text()
     rounds, plate, *rest = found.drivers
     assert (rounds.name, rounds.significant) == ("rounds=1", True)
-    assert (rounds.failed, rounds.others) == (rate(16, 20), rate(4, 20))
-    assert rounds.difference == pytest.approx(0.6)
-    # Newcombe's interval from Wilson's, 0.5840 … 0.9193 and 0.0807 … 0.4160.
-    assert (rounds.interval.low, rounds.interval.high) == pytest.approx((0.2945, 0.7688), abs=1e-4)
-    assert rounds.p_value == pytest.approx(0.000364, abs=1e-5)  # Fisher's test, 2 × 2 table
-    assert rounds.adjusted == pytest.approx(3 * rounds.p_value)  # the second smallest of four
+    assert (rounds.failed, rounds.others) == (rate(44, 48), rate(4, 48))
+    assert rounds.difference == pytest.approx(10 / 12)  # seeds 1 to 10 differ, and all in one direction
+    assert 0.4 < rounds.interval.low < 10 / 12 < rounds.interval.high <= 1.0
+    assert rounds.p_value == pytest.approx(2 / 2**10)
+    assert rounds.adjusted == pytest.approx(3 * rounds.p_value)  # the second of four
     assert {each.name.partition("=")[0] for each in rest} == {"Grasp.force", "Grasp.speed"}
     assert all(each.difference == 0.0 and not each.significant for each in rest)
-    # All failures are plates: 20 of 40 jobs leave one, and none leaves a can.
+    # All failures are plates: 48 of 96 jobs leave one, on eleven of twelve seeds. None leaves a can.
     assert (plate.name, plate.subject, plate.difference) == ("kind=plate", "item", 0.5)
     assert plate.significant
-    assert "rounds=1             16 of 20 (80.0 %)       4 of 20 (20.0 %)        +60.0 % (" in text
+    assert "rounds=1             44 of 48 (91.7 %)       4 of 48 (8.3 %)         +83.3 % (" in text
+
+
+def test_many_runs_of_few_seeds_show_nothing(tmp_path: Path) -> None:
+    with recorded(tmp_path, seeds=3) as few:
+        found = rank_drivers(few)
+    rounds = next(each for each in found.drivers if each.name == "rounds=1")
+    assert (rounds.failed, rounds.others) == (rate(12, 12), rate(4, 12))
+    assert not rounds.significant  # Fisher's test would take runs of one seed for independent: p = 0.001
+    assert found.least_seeds == 8
+    assert "3 seeds: no value can be significant with fewer than 8" in "\n".join(found.lines())
 
 
 def test_the_pair_of_runs_differs_in_the_driver_alone(results: Store) -> None:
@@ -63,7 +76,7 @@ def test_the_pair_of_runs_differs_in_the_driver_alone(results: Store) -> None:
     pair = found.pair
     assert pair is not None
     assert (pair.driver, pair.same_seed, pair.seed, pair.others) == ("rounds=1", True, 1, ())
-    # Job 1 has one round and job 21 three; the log of the failure was not kept.
-    a, b = (f"{results.path.parent}@{number:016x}" for number in (1, 21))
+    # Job 1 has one round and job 49 three; the log of the failure was not kept.
+    a, b = (f"{results.path.parent}@{number:016x}" for number in (1, 49))
     assert (pair.diff, pair.remake) == (f"picktree diff {a} {b}", (f"picktree resim {a}",))
     assert pair.whatif == f"picktree whatif {a} --at 4s --set rounds=3"
