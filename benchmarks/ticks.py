@@ -2,12 +2,13 @@
 
     python benchmarks/ticks.py sort_past_obstacles sort_tirelessly --seeds 5
     python benchmarks/ticks.py benchmarks/soak/sort_on.yaml --limit 300 --aside 60
+    python benchmarks/ticks.py benchmarks/soak/sort_on.yaml --limit 300 --aside 100 --in-turn
     python benchmarks/ticks.py --aged benchmarks/results/soak/sort_on-0-… --limit 1800
 
 A tick counts when the arm moves at its beginning: only then must the next set point come in time. With
 `--aside` so many further items lie on the table from the beginning and are set aside in the belief. With
-`--aged` a run goes on from its last checkpoint, beside the same run from its beginning; they take turns of a
-simulated minute each, and their whole ticks are compared.
+`--aged` a run goes on from its last checkpoint, beside the same run from its beginning; with `--in-turn` one
+with items aside, beside one without. They take turns of a simulated minute; their whole ticks are compared.
 """
 
 from __future__ import annotations
@@ -30,8 +31,8 @@ import numpy as np
 import yaml
 
 ROOT = Path(__file__).resolve().parent.parent
-AREA = {"min": [0.3, -0.3], "max": [0.75, 0.3]}
-"""Part of the table on which items are set aside, m."""
+AREA = {"min": [0.67, -0.62], "max": [0.9, 0.62]}
+"""Part of the table on which items are set aside, m: behind the loads of a feed, in sight of the camera."""
 MINUTE = 60.0
 """Simulated s after which the other run has its turn."""
 
@@ -60,9 +61,8 @@ def request(mission: Path, seed: int, limit: float, aside: int, folder: Path) ->
     return RunRequest(mission=mission, scene=str(path), seed=seed, limit=limit)
 
 
-def ticks(job: RunRequest, aside: int) -> tuple[list[float], list[float], int]:
-    """CPU times of the moving ticks and of all ticks, s, and the number of set-aside items."""
-    stopwatch = Stopwatch()
+def started(job: RunRequest, aside: int, stopwatch: Stopwatch) -> tuple[Execution, int]:
+    """Return the run before its first tick, and the number of its set-aside items."""
     run = Execution(read_recipe(job), stopwatch=stopwatch, planning_worker=True)
     scene = run.world.scene
     if aside:
@@ -70,7 +70,13 @@ def ticks(job: RunRequest, aside: int) -> tuple[list[float], list[float], int]:
             pass
         for item in [o for o in scene.objects if o.role == "item"]:
             scene.put(replace(item, place=ASIDE), "set aside")
-    put = sum(o.place == ASIDE for o in scene.objects)
+    return run, sum(o.place == ASIDE for o in scene.objects)
+
+
+def ticks(job: RunRequest, aside: int) -> tuple[list[float], list[float], int]:
+    """CPU times of the moving ticks and of all ticks, s, and the number of set-aside items."""
+    stopwatch = Stopwatch()
+    run, put = started(job, aside, stopwatch)
     moving, every = list[float](), list[float]()
     while True:
         moves = not run.world.control.at_rest
@@ -86,54 +92,66 @@ def ticks(job: RunRequest, aside: int) -> tuple[list[float], list[float], int]:
             moving.append(spent)
 
 
-def aged(log: Path, limit: float) -> None:
-    """Print the CPU times of the ticks of a run that goes on, and of the same run from its beginning."""
+def in_turn(young: Execution, old: Execution, limit: float) -> str:
+    """Return the CPU times of whole ticks of two runs as a table; they take turns of a simulated minute."""
+    runs = {"young": young, "old": old}
+    times = {name: list[float]() for name in runs}
+    for _ in range(math.ceil(limit / MINUTE)):
+        for name, run in runs.items():
+            until = run.world.clock.now + MINUTE
+            while run.world.clock.now < until:
+                began = time.thread_time()
+                run.tick()
+                if run.status is not None:
+                    raise PicktreeError(f"the {name} run ended: {run.status}")
+                run.pass_time()
+                times[name].append(1000 * (time.thread_time() - began))
+    figures = {
+        name: np.array([np.mean(ms), np.median(ms), np.percentile(ms, 99.9)]) for name, ms in times.items()
+    }
+    rows = {**figures, "ratio": figures["old"] / figures["young"]}
+    head = f"{len(times['old'])} ticks each    mean    median    99.9th percentile"
+    return "\n".join(
+        [head, *(f"  {name:<16}" + "".join(f"{x:8.2f}" for x in row) for name, row in rows.items())]
+    )
+
+
+def aged(log: Path, limit: float) -> str:
+    """Return the table of a run that goes on from its last checkpoint, beside its beginning."""
     with Resumption(ResumeRequest(log, limit=math.inf)) as resumption:
-        old = resumption.recipe
-        going_on = Execution(old)
-        going_on.tree.look()
-        going_on.pass_time()  # completes the tick of the checkpoint
-        runs = {"from the beginning": Execution(replace(old, start=None)), "resumed": going_on}
-        times = {name: list[float]() for name in runs}
-        for _ in range(math.ceil(limit / MINUTE)):
-            for name, run in runs.items():
-                until = run.world.clock.now + MINUTE
-                while run.world.clock.now < until:
-                    began = time.thread_time()
-                    run.tick()
-                    if run.status is not None:
-                        raise PicktreeError(f"{log}: the run ended ({name}): {run.status}")
-                    run.pass_time()
-                    times[name].append(1000 * (time.thread_time() - began))
-    print(f"{log.name}, resumed at {resumption.since:.0f} s, beside its beginning, {limit:g} s each:")
-    measured = {name: np.array(each) for name, each in times.items()}
-    figures = {name: (np.mean(ms), np.median(ms), np.percentile(ms, 99.9)) for name, ms in measured.items()}
-    for name, (mean, median, late) in figures.items():
-        print(
-            f"  {name:<19}{len(measured[name])} ticks, mean {mean:.2f} ms, median {median:.2f} ms, "
-            f"99.9th percentile {late:.1f} ms"
-        )
-    ratios = [b / a for a, b in zip(*figures.values(), strict=True)]
-    print(f"  {'ratio':<19}mean {ratios[0]:.2f}, median {ratios[1]:.2f}, 99.9th percentile {ratios[2]:.2f}")
+        old = Execution(resumption.recipe)
+        old.tree.look()
+        old.pass_time()  # completes the tick of the checkpoint
+        return in_turn(Execution(replace(resumption.recipe, start=None)), old, limit)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("missions", nargs="*")
     parser.add_argument("--aged", type=Path, metavar="RUN", help="folder or log of a run that goes on")
+    parser.add_argument("--in-turn", action="store_true", help="compare runs with and without --aside")
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--first", type=int, default=11, help="first seed")
     parser.add_argument("--limit", type=float, default=60.0, help="simulated seconds of a run")
     parser.add_argument("--aside", type=int, default=0)
     options = parser.parse_args()
     if options.aged is not None:
-        aged(options.aged, options.limit)
+        print(aged(options.aged, options.limit))
         return
     computing_time.time = ThreadClock  # type: ignore[assignment]
     control_loop.perf_counter = time.thread_time
     for name in options.missions:
         mission = Path(name) if name.endswith(".yaml") else ROOT / "examples" / f"{name}.yaml"
         moving, every, put = list[float](), list[float](), 0
+        if options.in_turn:
+            with tempfile.TemporaryDirectory() as folder:
+                one, other = (
+                    started(request(mission, options.first, math.inf, n, Path(folder)), n, Stopwatch())
+                    for n in (0, options.aside)
+                )
+                table = in_turn(one[0], other[0], options.limit)
+            print(f"{mission.stem}, {other[1]} set aside\n{table}", flush=True)
+            continue
         with tempfile.TemporaryDirectory() as folder:
             for seed in range(options.first, options.first + options.seeds):
                 job = request(mission, seed, options.limit, options.aside, Path(folder))

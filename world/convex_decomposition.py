@@ -216,6 +216,8 @@ def _heading(raw: bytes, scale: float) -> str:
 
 MAX_HULL_VOLUME_RATIO = 1.25
 """Greatest volume of a hull that replaces blocks, as a multiple of their volume."""
+ROUNDING_SHARE = 0.01
+"""Share by which rounded edges may enlarge the volume of blocks."""
 EDGE_DECIMALS = 5
 """Digits to which edges of blocks are compared, m: the belief rounds their places to a thousandth of a mm."""
 _SIGNS = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
@@ -243,15 +245,26 @@ def hulls_of(blocks: tuple[ObstacleBlock, ...]) -> tuple[tuple[Box | ConvexMesh,
     return tuple(found)
 
 
+def hull_of(blocks: Sequence[ObstacleBlock]) -> Box | ConvexMesh | None:
+    """Return the convex body of all blocks, a box where it is one; None when it wastes too much."""
+    found = _one_body(np.array([block.size for block in blocks]), np.array([block.at for block in blocks]))
+    return None if found is None else found[0]
+
+
 def _one_body(sizes: Array, middles: Array) -> tuple[Box | ConvexMesh, Vector3] | None:
     """Return the hull of blocks (n, 3), a box where it is one; None when it wastes too much."""
     corners = (middles[:, None] + _SIGNS * sizes[:, None]).reshape(-1, 3)
     low, high = corners.min(axis=0), corners.max(axis=0)
-    volume = _union(middles - sizes / 2, middles + sizes / 2)
-    if float((high - low).prod()) < volume + 1e-9:
-        return Box(_vector(high - low)), _vector((low + high) / 2)
+    # Blocks overlap, and their union takes longer than all else: mostly their sum decides.
+    most = (1.0 + ROUNDING_SHARE) * float(sizes.prod(axis=1).sum()) + 1e-8
+    if float((high - low).prod()) < most:
+        volume = _union(middles - sizes / 2, middles + sizes / 2)
+        if float((high - low).prod()) < volume + 1e-9:
+            return Box(_vector(high - low)), _vector((low + high) / 2)
     hull = convex_hull(corners)
-    if float(hull.volume) > MAX_HULL_VOLUME_RATIO * volume:
+    if float(hull.volume) > MAX_HULL_VOLUME_RATIO * most:
+        return None
+    if float(hull.volume) > MAX_HULL_VOLUME_RATIO * _union(middles - sizes / 2, middles + sizes / 2):
         return None
     vertices = np.unique(corners[hull.vertices], axis=0)
     return ConvexMesh(tuple(_vector(vertex) for vertex in vertices), OBSTACLE_VOLUME), (0.0, 0.0, 0.0)
@@ -277,11 +290,11 @@ def _volumes(low: Array, high: Array) -> Array:
 
 def _union(low: Array, high: Array) -> float:
     """Return the volume of boxes (n, 3) together, m³; they may overlap."""
-    edges = [np.unique(np.round(np.concatenate([low[:, k], high[:, k]]), EDGE_DECIMALS)) for k in range(3)]
+    low, high = np.round(low, EDGE_DECIMALS), np.round(high, EDGE_DECIMALS)
+    edges = [np.unique(np.concatenate([low[:, k], high[:, k]])) for k in range(3)]
     filled = np.zeros([len(each) - 1 for each in edges])
     first, last = (
-        [np.searchsorted(each, np.round(side[:, k], EDGE_DECIMALS)) for k, each in enumerate(edges)]
-        for side in (low, high)
+        [np.searchsorted(each, side[:, k]) for k, each in enumerate(edges)] for side in (low, high)
     )
     for x, y, z, u, v, w in zip(*first, *last, strict=True):
         filled[x:u, y:v, z:w] = 1.0

@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import TypeAlias, TypeVar
 
 import cv2
@@ -31,6 +32,7 @@ from picktree.world import (
     PlanningScene,
     Pose,
     Shape,
+    Vector3,
     convex_decomposition,
     extents,
     inside,
@@ -94,18 +96,21 @@ def cells_of(o: BeliefObject) -> Keys:
     """Return the cells of an obstacle of the belief."""
     if not o.blocks:
         return cells_in_body(o.shape, o.pose)
-    return _cells_of_blocks(o, o.blocks)
+    return _cells_of_blocks(o.pose.position, o.blocks)
 
 
 def supposed_cells_of(o: BeliefObject) -> Keys:
     """Return the cells of an obstacle of the belief in which nothing was seen."""
-    return _cells_of_blocks(o, [block for block in o.blocks if block.supposed])
+    return _cells_of_blocks(o.pose.position, tuple(block for block in o.blocks if block.supposed))
 
 
-def _cells_of_blocks(o: BeliefObject, blocks: Sequence[ObstacleBlock]) -> Keys:
+@lru_cache(maxsize=256)
+def _cells_of_blocks(position: Vector3, blocks: tuple[ObstacleBlock, ...]) -> Keys:
     if not blocks:
         return NO_CELLS
-    return cell_keys(np.concatenate([_cells(block, np.array(o.pose.position)) for block in blocks]))
+    keys = cell_keys(np.concatenate([_cells(block, np.array(position)) for block in blocks]))
+    keys.flags.writeable = False
+    return keys
 
 
 def _cells(block: ObstacleBlock, origin: Array) -> Indices:
@@ -139,9 +144,9 @@ def obstacle_from_cells(
 
 def _enclosing_shape(blocks: Sequence[ObstacleBlock]) -> Shape:
     """Return the hull if a single one encloses all blocks, else their bounding box."""
-    hulls = convex_decomposition.hulls_of(tuple(blocks))
-    if len(hulls) == 1:
-        return hulls[0][0]
+    hull = convex_decomposition.hull_of(blocks)
+    if hull is not None:
+        return hull
     middles, halves = np.array([block.at for block in blocks]), np.array([block.size for block in blocks]) / 2
     return Box(_vector((middles + halves).max(axis=0) - (middles - halves).min(axis=0)))
 
@@ -451,7 +456,7 @@ def _grow_box(filled: Grid, seed: Indices, order: tuple[int, ...]) -> Span:
 ITEM_MARGIN = 0.003
 """Distance from a recognised item within which the middles of cells belong to it, m."""
 MAX_NOISE_SHARE = 0.03
-"""Greatest share of new cells at the surface that is put down to noise."""
+"""Greatest share of new cells at the surface, and of cells that are gone, that is put down to noise."""
 MIN_ITEM_SHARE = 0.4
 """Least share of an obstacle's cells in a recognised item at which the obstacle was that item."""
 REASON_FIRST_SEEN = "depth that nothing explains"
@@ -567,13 +572,7 @@ def _components(
     """
     if not len(cells):
         return []
-    columns = cell_indices(cells)[:, :2]
-    origin = columns.min(axis=0)
-    at = tuple((columns - origin).T)
-    plan = np.zeros(tuple(columns.max(axis=0) - origin + 1), dtype=np.uint8)
-    plan[at] = 1
-    _, marks = cv2.connectedComponents(cv2.dilate(plan, np.ones((3, 3), np.uint8)), connectivity=8)
-    mark = np.asarray(marks, dtype=np.intp)[at]
+    mark = _groups(cells)
     groups = [cells[mark == k] for k in range(1, int(mark.max()) + 1)]
     groups = [g for g in groups if np.isin(g, supposed, invert=True).sum() >= MIN_OBSTACLE_CELLS]
     groups.sort(key=lambda g: (-len(g), int(g[0])))
@@ -582,6 +581,17 @@ def _components(
         _Seen(g, tuple(patch for patch, surface in surfaces if len(np.intersect1d(g, surface)) > 0))
         for g in groups
     ]
+
+
+def _groups(cells: Keys) -> NDArray[np.intp]:
+    """Number the groups of cells that are connected as seen from above, from 1: that of each cell (n,)."""
+    columns = cell_indices(cells)[:, :2]
+    origin = columns.min(axis=0)
+    at = tuple((columns - origin).T)
+    plan = np.zeros(tuple(columns.max(axis=0) - origin + 1), dtype=np.uint8)
+    plan[at] = 1
+    _, marks = cv2.connectedComponents(cv2.dilate(plan, np.ones((3, 3), np.uint8)), connectivity=8)
+    return np.asarray(marks, dtype=np.intp)[at]
 
 
 def _match_former(seen: Sequence[_Seen], former: dict[ObjectId, Keys]) -> list[ObjectId | None]:
@@ -649,11 +659,17 @@ def _store_obstacle(
 
 
 def _is_unchanged(cells: Keys, before: Keys) -> bool:
-    """Whether nothing is gone and, apart from noise at the surface, nothing is new."""
+    """Whether nothing is new and nothing is gone, apart from noise: few cells at the surface."""
     new = np.setdiff1d(cells, before, assume_unique=True)
-    if len(new) > MAX_NOISE_SHARE * len(cells) or len(cells) - len(new) < len(before):
+    gone = np.setdiff1d(before, cells, assume_unique=True)
+    if len(new) > MAX_NOISE_SHARE * len(cells) or len(gone) > MAX_NOISE_SHARE * len(before):
         return False
-    return bool(adjacent_cells(new, before).all())
+    return bool(adjacent_cells(new, before).all()) and _largest_group(gone) < MIN_OBSTACLE_CELLS
+
+
+def _largest_group(cells: Keys) -> int:
+    """Return the number of cells of the largest group that is connected as seen from above."""
+    return 0 if not len(cells) else int(np.bincount(_groups(cells)).max())
 
 
 def _reason(cells: Keys, before: Keys) -> str:

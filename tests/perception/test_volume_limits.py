@@ -378,6 +378,17 @@ def test_a_little_more_at_the_surface_is_noise_and_much_more_is_growth() -> None
         assert look(scene, view, (patch,)) == [f"obstacle_1: {reason}"], missing
 
 
+@pytest.mark.parametrize(("count", "said"), [(5, []), (6, ["obstacle_1: rays pass through parts of it"])])
+def test_a_few_cells_that_are_gone_are_noise_and_more_in_one_place_are_a_part(
+    count: int, said: list[str]
+) -> None:
+    body = np.concatenate([run(0, 30, y=y) for y in range(15)])
+    beside = run(0, count, y=-4)
+    scene = scene_with(obstacle(np.concatenate([body, beside])))
+    assert look(scene, clear(beside)) == said
+    assert taken(scene) == {"obstacle_1": len(body) + (0 if said else count)}
+
+
 def spans_of(cells: Array) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
     spans = merge_cells(cell_keys(cells))
     return sorted((tuple(low.tolist()), tuple(high.tolist())) for low, high in spans)
