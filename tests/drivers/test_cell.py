@@ -141,6 +141,21 @@ def test_a_late_gripper_says_that_it_is_busy(cell: Cell) -> None:
     assert plant.width == pytest.approx(0.02, abs=1e-3)
 
 
+def test_the_fingers_press_with_the_commanded_force(cell: Cell) -> None:
+    """The effort that the URDF gives the finger joints, 20 N, is not that of the gripper."""
+    plant = Plant(cell, EXACT, 0)
+    item = next(item.id for item in cell.items if item.form == "box")
+    plant.parts.model.opt.gravity[:] = 0.0
+    at = plant.parts.item_q[item]
+    plant.data.qpos[at : at + 3], turn = plant.tcp()
+    mujoco.mju_mat2Quat(plant.data.qpos[at + 3 : at + 7], turn.ravel())
+    plant.take(command(plant, np.array(cell.robot.home), grip=p.GripCommand(0.0, 45.0)))
+    plant.advance(1.0)
+    assert plant.width > 0.01
+    assert plant.data.qfrc_actuator[plant.parts.finger_v] == pytest.approx([-45.0, -45.0])
+    assert plant.reading().gripper[2] == pytest.approx(45.0)
+
+
 def test_the_state_is_as_old_as_its_latency(cell: Cell) -> None:
     plant = Plant(cell, replace(EXACT, state_latency=0.03), 0)
     move(plant, 0.5)
