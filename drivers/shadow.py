@@ -26,7 +26,7 @@ MAX_PICTURE_DISTANCE: Final = 0.02
 CLOSED_OPENING: Final = 2e-3
 """Commanded opening below which the fingers close on something, m."""
 SPEED_ALLOWANCE: Final = 0.02
-"""What a set-point may be faster than the robot's limit, rad/s: rounding and vibration."""
+"""Excess of a set-point's speed over the robot's limit that counts as rounding, rad/s."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
