@@ -8,3 +8,4 @@ from .measurement import (
     read_measurement as read_measurement,
     write_measurement as write_measurement,
 )
+from .shadow import ShadowHardware as ShadowHardware, shadow_summary as shadow_summary

@@ -70,8 +70,10 @@ _COUNT_AND_STAMP = struct.Struct("<QQ")
 class Link:
     """Connection to a robot's process: a question and its answer at a time."""
 
-    def __init__(self, address: str, speed: float = 1.0) -> None:
+    def __init__(self, address: str, speed: float = 1.0, *, observes: bool = False) -> None:
         """Connect and greet; `speed`: share of the joints' speeds to which the robot is bound.
+
+        `observes`: as a client that only reads.
 
         Raises PicktreeError when nobody listens or the robot refuses.
         """
@@ -84,8 +86,8 @@ class Link:
         self._channel = self._connect()
         self._lost = ""
         """Reason for which the connection is over; empty: it is not."""
-        shared = protocol.Wish.SHARED_MEMORY if self.address.loopback else protocol.Wish(0)
-        answer = self.ask(protocol.Hello(shared, token, speed))
+        wishes = protocol.Wish.SHARED_MEMORY if self.address.loopback else protocol.Wish(0)
+        answer = self.ask(protocol.Hello(protocol.Wish.OBSERVE if observes else wishes, token, speed))
         if not isinstance(answer, protocol.Welcome):
             raise self._unexpected(answer)
         self.robot = answer
@@ -228,7 +230,7 @@ class ExternalCamera:
         if not answer.given:
             raise NoImage(f"{info.name} gave no image")
         colour, depth = protocol.split_picture(self._data(answer), info.width, info.height)
-        stamp = answer.stamp - hardware.began
+        stamp = hardware.picture_time(answer.stamp)
         frame = self._camera.pose
         if self._camera.on == "hand":
             frame = self._model.tcp(hardware.configuration_at(stamp)) @ frame
@@ -269,6 +271,9 @@ class ExternalHardware:
     one that does not keep to the speed.
     """
 
+    observes = False
+    """Whether the robot is only read."""
+
     def __init__(
         self,
         scene: SceneDescription,
@@ -283,7 +288,7 @@ class ExternalHardware:
         `measured`: measurement of the robot. That of another engine is not used. `perception_at`: address of
         the process that recognises items; empty: no such process.
         """
-        self.link = Link(address, speed)
+        self.link = Link(address, speed, observes=self.observes)
         told = self.link.robot
         try:
             self._check(told, scene, robot)
@@ -321,7 +326,7 @@ class ExternalHardware:
         self._sequence = 0
         self.began = 0.0
         self._history: deque[tuple[float, Array]] = deque()
-        self._take(self.link.state(self._message(0.0)))
+        self._take(self._exchange(0.0))
         self.began = self.state.time
         self._take(self.state)
         self.arm = ExternalArm(self, model)
@@ -392,7 +397,7 @@ class ExternalHardware:
 
         Raises RobotStopped when the robot has stopped by itself or is gone.
         """
-        self._take(self.link.state(self._message(self.period)))
+        self._take(self._exchange(self.period))
         self.grip = None
         stop = self.state.stop
         if stop is not protocol.Stop.NONE:
@@ -400,6 +405,10 @@ class ExternalHardware:
                 f"the robot at {self.link.address} has stopped by itself at {self.clock.now:.2f} s: "
                 f"{STOPS[stop]}"
             )
+
+    def picture_time(self, stamp: float) -> float:
+        """Return the time since the run began of a picture with that stamp, s."""
+        return stamp - self.began
 
     def configuration_at(self, time: float) -> Array:
         """Return the configuration (n,) that is nearest to a time within the last `HISTORY_TIME` s."""
@@ -410,6 +419,10 @@ class ExternalHardware:
         self.link.close()
         if self.recogniser is not None:
             self.recogniser.close()
+
+    def _exchange(self, advance: float) -> protocol.State:
+        """Send the command, let `advance` s pass, and return the state."""
+        return self.link.state(self._message(advance))
 
     def _message(self, advance: float) -> protocol.Command:
         mode, numbers, velocity, ahead = self.command

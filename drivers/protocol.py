@@ -35,6 +35,11 @@ message and waits for its answer:
     8 CLEAR     empty: the stop is acknowledged. The answer is STATE
     9 BYE       empty: the robot brakes and waits for another client
    10 REFUSAL   code u16 (`Refused`), then UTF-8 to the end
+   14 OBSERVE   until u64: the answer is STATE once the robot's clock has come there, or at once when nobody
+                moves the robot. It changes nothing
+
+A client whose HELLO has the wish OBSERVE only reads: it sends OBSERVE, CAPTURE and BYE, and the robot refuses
+anything else from it. A robot may serve it beside a client that moves the robot, at an address of its own.
 
 A process that recognises items listens at an address of its own. A client whose HELLO has the wish
 RECOGNITION gets RECOGNISER in place of WELCOME; then it sends LOOK and waits for FINDINGS:
@@ -114,6 +119,7 @@ _CAMERA = struct.Struct("<64s64sII4d")
 _COMMAND = struct.Struct("<QIBBBB3d")
 _STATE = struct.Struct("<QQQHBBI3d6d3Q")
 _CAPTURE = struct.Struct("<B7x")
+_OBSERVE = struct.Struct("<Q")
 _PICTURE = struct.Struct("<BBHIQ")
 _STOP = struct.Struct("<H")
 _REFUSAL = struct.Struct("<H")
@@ -146,6 +152,7 @@ class Kind(IntEnum):
     RECOGNISER = 11
     LOOK = 12
     FINDINGS = 13
+    OBSERVE = 14
 
 
 class Wish(IntFlag):
@@ -155,6 +162,8 @@ class Wish(IntFlag):
     """Pictures in shared memory: client and robot are on one machine."""
     RECOGNITION = 2
     """The client wants items recognised, not a robot moved."""
+    OBSERVE = 4
+    """The client only reads: it moves nothing."""
 
 
 class Capability(IntFlag):
@@ -334,6 +343,13 @@ class Capture:
 
 
 @dataclass(frozen=True, slots=True)
+class Observe:
+    """Request for the state at a time of the robot's clock, s; it changes nothing."""
+
+    until: float
+
+
+@dataclass(frozen=True, slots=True)
 class Picture:
     """Answer to `Capture`."""
 
@@ -426,6 +442,7 @@ Message: TypeAlias = (
     | Command
     | State
     | Capture
+    | Observe
     | Picture
     | StopRequest
     | Clear
@@ -458,6 +475,8 @@ def _encoded(message: Message) -> tuple[Kind, bytes]:
             return Kind.STATE, _encoded_state(message)
         case Capture(camera):
             return Kind.CAPTURE, _CAPTURE.pack(camera)
+        case Observe(until):
+            return Kind.OBSERVE, _OBSERVE.pack(_to_micro(until))
         case Picture(camera, given, stamp, data):
             return Kind.PICTURE, _PICTURE.pack(camera, given, 0, len(data), _to_micro(stamp)) + data
         case StopRequest(reason):
@@ -599,6 +618,8 @@ def _decoded(kind: Kind, data: bytes) -> Message:
             return _decoded_state(data)
         case Kind.CAPTURE:
             return Capture(*_CAPTURE.unpack(data))
+        case Kind.OBSERVE:
+            return Observe(_OBSERVE.unpack(data)[0] / 1e6)
         case Kind.PICTURE:
             camera, given, _, length, stamp = _PICTURE.unpack(data[: _PICTURE.size])
             if len(data) != _PICTURE.size + length:

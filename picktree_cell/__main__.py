@@ -60,6 +60,7 @@ def _options() -> argparse.ArgumentParser:
     add("--clients", type=int, default=0, help="end after that number of clients")
     add("--film", type=Path, help="film of the run, .mp4 or .gif; needs PyAV")
     add("--score", type=Path, help="JSON file for the score at the end; else it is printed")
+    add("--observe-at", help="socket at which clients read the robot beside the one that moves it")
     add("--perception-at", help="socket at which a recogniser of the items listens, too")
     add("--perception-noise", type=float, default=0.0, help="noise of reported positions, m")
     add("--perception-gives", choices=GIVES, default="pose", help="content of findings; pose: with a mask")
@@ -94,6 +95,11 @@ def _serve(options: argparse.Namespace) -> None:
     camera = GlCamera if options.camera == "gl" else RayCamera
     server = CellServer(plant, options.seed, token, MODES[options.mode], watched, camera)
     addresses = [address]
+    if options.observe_at:
+        at = protocol.Address.parse(options.observe_at)
+        at.require_token(token)
+        Thread(target=serve, args=(server, listen(at)), kwargs={"moves": False}, daemon=True).start()
+        addresses.append(at)
     if options.perception_at:
         at = protocol.Address.parse(options.perception_at)
         at.require_token(token)
@@ -102,7 +108,9 @@ def _serve(options: argparse.Namespace) -> None:
         Thread(target=serve_recogniser, args=(recogniser, listen(at)), daemon=True).start()
         addresses.append(at)
     try:
-        serve(server, address, clients=options.clients)
+        listener = listen(address)
+        print(f"ready at {address}", flush=True)
+        serve(server, listener, clients=options.clients)
     except KeyboardInterrupt:
         pass
     finally:

@@ -157,6 +157,8 @@ def _add_gripper(robot: RobotSpec, gripper: GripperEntry) -> None:
             joint.armature = FINGER_ARMATURE if gripper.sliders else HINGE_ARMATURE
             joint.damping[0] = 1.0 if gripper.sliders else 0.01
             joint.frictionloss = 0.2 if gripper.sliders else 0.0
+            # The servo limits the force to the gripper's own; a URDF's effort is often less.
+            joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
             if n or not gripper.sliders:
                 joint.limited = mujoco.mjtLimited.mjLIMITED_FALSE
         if gripper.sliders or not n:

@@ -159,7 +159,7 @@ class Plant:
             mujoco.mj_step(parts.model, data)
         self._felt = self._contact_force()
         self.greatest_force = 0.0
-        self._past.append(self._read())
+        self._past.append(self._read(self._rng))
 
     @property
     def time(self) -> float:
@@ -197,11 +197,11 @@ class Plant:
             self.steps += 1
             self._guard()
             if self._delays:
-                self._past.append(self._read())
+                self._past.append(self._read(self._rng))
 
-    def reading(self) -> Reading:
-        """Return the readings that the robot reports now."""
-        return self._past[0] if self._delays else self._read()
+    def reading(self, rng: np.random.Generator | None = None) -> Reading:
+        """Return the readings that the robot reports now; `rng`: noise that changes no other reading."""
+        return self._past[0] if self._delays else self._read(rng or self._rng)
 
     def tcp(self) -> tuple[Array, Array]:
         """Return the TCP's true position (3,) and rotation (3, 3) in the world."""
@@ -366,8 +366,8 @@ class Plant:
         elif bool((at < self._least).any() or (at > self._greatest).any()):
             self.halt(protocol.Stop.WORKSPACE)
 
-    def _read(self) -> Reading:
-        data, parts, faults, rng = self.data, self.parts, self.faults, self._rng
+    def _read(self, rng: np.random.Generator) -> Reading:
+        data, parts, faults = self.data, self.parts, self.faults
         q, v = self._arm(data.qpos, parts.arm_q), self._arm(data.qvel, parts.arm_v)
         if faults.encoder_noise > 0.0:
             q += faults.encoder_noise * rng.standard_normal(len(q))

@@ -208,7 +208,7 @@ def _quaternion(rotation: Array) -> Array:
 
 
 def listen(address: protocol.Address) -> socket.socket:
-    """Listen for clients of a recogniser. Raises CellError when nothing can listen there."""
+    """Listen for clients. Raises CellError when nothing can listen there."""
     try:
         return address.listen()
     except OSError as error:

@@ -1,12 +1,13 @@
-"""Server of a cell over picktree's protocol: one client at a time, in lockstep."""
+"""Server of a cell over picktree's protocol, in lockstep: one client moves the robot, others may observe."""
 
 from __future__ import annotations
 
+import socket
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from multiprocessing import shared_memory
-from threading import Lock
+from threading import Condition, Lock
 from typing import Final
 
 import mujoco
@@ -14,12 +15,13 @@ import numpy as np
 
 from picktree.drivers import protocol
 
-from .cell_description import CellError
 from .plant import SILENCE, Plant
 from .ray_camera import RayCamera
 
 CLIENT_TIMEOUT: Final = 600.0
 """Time without a message after which a client is given up, s of wall time: planning may take long."""
+OBSERVER_STREAM: Final = 1000
+"""Number of the random stream of what observers read; those of cameras are added."""
 _STAMP = struct.Struct("<QQ")
 
 
@@ -49,34 +51,70 @@ class CellServer:
         self._sequence = 0
         self.lock = Lock()
         """Lock that is held while the plant moves or is read."""
+        self._passed = Condition(self.lock)
+        self._moved = False
+        """Whether a client moves the robot."""
+        # Observers have noise of their own: the pictures and readings of the other client stay the same.
+        self._eyes = [
+            RayCamera(entry, plant.parts, plant.faults, seed, n + OBSERVER_STREAM)
+            for n, entry in enumerate(plant.cell.cameras)
+        ]
+        self._rng = np.random.default_rng([seed, OBSERVER_STREAM])
 
-    def serve(self, channel: protocol.Channel) -> None:
-        """Serve one client until it leaves. Raises ProtocolError when it breaks the protocol."""
+    def serve(self, channel: protocol.Channel, *, moves: bool = True) -> None:
+        """Serve one client until it leaves; `moves`: whether it may move the robot.
+
+        Raises ProtocolError when it breaks the protocol.
+        """
         try:
             hello = channel.receive()
             if not isinstance(hello, protocol.Hello):
                 raise protocol.ProtocolError(f"a client begins with HELLO, not {type(hello).__name__}")
             if self._token and not protocol.same_token(self._token, hello.token):
                 channel.send(protocol.Refusal(protocol.Refused.TOKEN, "the token is not the robot's"))
-                return
-            self.plant.speed = hello.speed
-            channel.send(self._welcome(hello.wishes))
-            while True:
-                message = channel.receive()
-                if isinstance(message, protocol.Bye):
-                    return
-                with self.lock:
-                    answer = self._answer(message)
-                channel.send(answer)
+            elif protocol.Wish.OBSERVE in hello.wishes:
+                channel.send(self._welcome(protocol.Wish.OBSERVE, hello.speed))
+                self._converse(channel, self._observation)
+            elif moves:
+                self._serve_mover(channel, hello)
+            else:
+                raise protocol.ProtocolError("clients at this address only observe: HELLO lacks that wish")
         except protocol.ProtocolError as error:
             with suppress(protocol.ProtocolError):
                 channel.send(protocol.Refusal(protocol.Refused.MESSAGE, str(error)[:200]))
             raise
+
+    def _serve_mover(self, channel: protocol.Channel, hello: protocol.Hello) -> None:
+        self.plant.speed, self._moved = hello.speed, True
+        try:
+            channel.send(self._welcome(hello.wishes, hello.speed))
+            self._converse(channel, self._answer)
         finally:
-            self.plant.halt(protocol.Stop.REQUESTED)
-            self.plant.clear()
-            self.plant.speed = 1.0
+            with self._passed:
+                self.plant.halt(protocol.Stop.REQUESTED)
+                self.plant.clear()
+                self.plant.speed, self._moved = 1.0, False
+                self._passed.notify_all()
             self._release()
+
+    def _converse(
+        self, channel: protocol.Channel, answer: Callable[[protocol.Message], protocol.Message]
+    ) -> None:
+        while not isinstance(message := channel.receive(), protocol.Bye):
+            with self.lock:
+                told = answer(message)
+            channel.send(told)
+
+    def _observation(self, message: protocol.Message) -> protocol.Message:
+        """Return the answer to a client that only reads."""
+        match message:
+            case protocol.Observe(until):
+                self._passed.wait_for(lambda: not self._moved or self.plant.time > until - 1e-6)
+                return self._state(self._rng)
+            case protocol.Capture(camera):
+                return self._picture(camera, self._eyes)
+            case _:
+                raise protocol.ProtocolError(f"a client that only observes sent {type(message).__name__}")
 
     def _answer(self, message: protocol.Message) -> protocol.Message:
         plant = self.plant
@@ -86,12 +124,15 @@ class CellServer:
                 plant.take(message)
                 plant.advance(message.advance)
                 self._advanced()
+                self._passed.notify_all()
             case protocol.StopRequest(reason):
                 plant.halt(reason if reason is not protocol.Stop.NONE else protocol.Stop.REQUESTED)
             case protocol.Clear():
                 plant.clear()
             case protocol.Capture(camera):
-                return self._picture(camera)
+                return self._picture(camera, self._cameras)
+            case protocol.Observe():
+                pass
             case _:
                 raise protocol.ProtocolError(f"a client does not send {type(message).__name__}")
         return self._state()
@@ -111,7 +152,7 @@ class CellServer:
                 f"a command advances {command.advance:g} s; the greatest step is 1 s"
             )
 
-    def _welcome(self, wishes: protocol.Wish) -> protocol.Welcome:
+    def _welcome(self, wishes: protocol.Wish, speed: float) -> protocol.Welcome:
         cell = self.plant.cell
         gripper = cell.robot.gripper
         shared = bool(wishes & protocol.Wish.SHARED_MEMORY)
@@ -137,12 +178,12 @@ class CellServer:
             (gripper.max_width, gripper.max_force, gripper.speed),
             tuple(protocol.Joint(j.name, j.lower, j.upper, j.velocity, j.torque) for j in cell.robot.joints),
             tuple(cameras),
-            self.plant.speed,
+            speed,
         )
 
-    def _state(self) -> protocol.State:
+    def _state(self, rng: np.random.Generator | None = None) -> protocol.State:
         plant = self.plant
-        reading = plant.reading()
+        reading = plant.reading(rng)
         self._sequence += 1
         return protocol.State(
             self._sequence,
@@ -158,15 +199,15 @@ class CellServer:
             plant.stop,
         )
 
-    def _picture(self, number: int) -> protocol.Picture:
-        if number >= len(self._cameras):
-            raise protocol.ProtocolError(f"there is no camera {number}; the cell has {len(self._cameras)}")
+    def _picture(self, number: int, cameras: Sequence[RayCamera]) -> protocol.Picture:
+        if number >= len(cameras):
+            raise protocol.ProtocolError(f"there is no camera {number}; the cell has {len(cameras)}")
         plant = self.plant
-        seen = self._cameras[number].capture(plant.data, plant.tcp())
+        seen = cameras[number].capture(plant.data, plant.tcp())
         if seen is None:
             return protocol.Picture(number, False, plant.time)
         data = protocol.join_picture(*seen)
-        if not self._segments:
+        if not self._segments or cameras is self._eyes:
             return protocol.Picture(number, True, plant.time, data)
         memory = self._segments[number].buf
         assert memory is not None
@@ -184,24 +225,17 @@ class CellServer:
         self._segments = []
 
 
-def serve(server: CellServer, address: protocol.Address, *, clients: int = 0) -> None:
-    """Listen at an address and serve clients one after another; `clients`: their number, 0: without an end.
-
-    Raises CellError when nothing can listen there.
-    """
-    try:
-        listener = address.listen()
-    except OSError as error:
-        raise CellError(f"nothing can listen at {address}: {error.strerror or error}") from None
+def serve(server: CellServer, listener: socket.socket, *, clients: int = 0, moves: bool = True) -> None:
+    """Serve clients one after another; `clients`: their number, 0: without an end. `moves`: whether they may
+    move the robot."""
     served = 0
     with listener:
-        print(f"ready at {address}", flush=True)
         while not clients or served < clients:
             connection, _ = listener.accept()
             served += 1
             with connection:
                 connection.settimeout(CLIENT_TIMEOUT)
                 try:
-                    server.serve(protocol.Channel(connection))
+                    server.serve(protocol.Channel(connection), moves=moves)
                 except protocol.ProtocolError as error:
                     print(f"client given up: {error}", flush=True)

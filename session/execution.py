@@ -167,12 +167,18 @@ def _build(recipe: Recipe) -> _Built:
     beside a robot.
     """
     if recipe.robot_at:
-        from picktree.drivers import ExternalHardware, measurement_path, read_measurement
+        from picktree.drivers import (
+            ExternalHardware,
+            ShadowHardware,
+            measurement_path,
+            read_measurement,
+        )
 
         if recipe.faults is not None:
             raise PicktreeError("faults are injected into a simulation; a robot has its own")
         measured = read_measurement(measurement_path(recipe.robot))
-        robot = ExternalHardware(
+        hardware = ShadowHardware if recipe.shadow else ExternalHardware
+        robot = hardware(
             recipe.scene, recipe.robot, recipe.robot_at, recipe.speed, measured, recipe.perception_at
         )
         noise = robot.measured.wrench_noise if robot.measured else None

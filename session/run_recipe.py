@@ -136,6 +136,8 @@ class Recipe:
     """Share of the joints' speeds and accelerations that a robot may use."""
     perception_at: str = ""
     """Address of the process that recognises items for a robot; empty: they are recognised by colour."""
+    shadow: bool = False
+    """Read the robot and send it nothing: a predicted arm carries the mission out."""
     variant: StreamVariant | None = None
     """Other noise of the simulated sensors and other planner seeds; None: those of the seed."""
 
@@ -302,6 +304,8 @@ class RunRequest:
     """Share of the joints' speeds and accelerations that a robot may use."""
     perception_at: str = ""
     """Address of the process that recognises items for a robot; empty: they are recognised by colour."""
+    shadow: bool = False
+    """Read the robot and send it nothing: a predicted arm carries the mission out."""
     confirm: bool = False
     """Ask the interrupters before each motion of the arm, as for help; without their yes the run ends."""
 
@@ -333,6 +337,7 @@ def read_recipe(request: RunRequest, mission: Mission | None = None) -> Recipe:
         robot_at=request.robot_at,
         speed=request.speed,
         perception_at=request.perception_at,
+        shadow=request.shadow,
     )
 
 

@@ -262,6 +262,10 @@ class Session:
             recipe = Execution(recipe, stopwatch=self.timer.stopwatch, planning_worker=planning_worker)
         self.execution = recipe
         self._interrupters = [each for each in self._observers if isinstance(each, Interrupter)]
+        if recipe.recipe.shadow:
+            from .shadow_report import ShadowReport
+
+            self._observers.append(ShadowReport(self._tell))
         if confirm:
             recipe.world.control.confirm = self._confirm
         record = record or Recording()

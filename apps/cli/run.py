@@ -134,6 +134,13 @@ Confirm: TypeAlias = Annotated[
         help="With --robot-at: ask before each motion of the arm, here or in `picktree attach`.",
     ),
 ]
+Shadow: TypeAlias = Annotated[
+    bool,
+    typer.Option(
+        "--shadow",
+        help="With --robot-at: only read the robot, and show what would be sent.",
+    ),
+]
 PerceptionAt: TypeAlias = Annotated[
     str,
     typer.Option(
@@ -149,7 +156,7 @@ Answers: TypeAlias = Annotated[
 
 HELP_GROUPS: HelpGroups = {
     "Mission and scene": ("scene", "robot", "seed", "set_", "faults", "backend", "verify"),
-    "A robot in another process": ("robot_at", "perception_at", "speed", "confirm"),
+    "A robot in another process": ("robot_at", "perception_at", "speed", "shadow", "confirm"),
     "Time limit and log": ("limit", "out", "rotate_mb", "rotate_minutes"),
     "Watching and steering": ("debug", "watch", "live", "live_port", "pace", "answers", "wait"),
     "Resuming a run": ("resume", "as_it_stands"),
@@ -170,6 +177,7 @@ def run(
     robot_at: RobotAt = "",
     perception_at: PerceptionAt = "",
     speed: Speed = "100%",
+    shadow: Shadow = False,
     confirm: Confirm = False,
     verify: Verify = False,
     debug: Debug = False,
@@ -218,6 +226,7 @@ def run(
             robot_at=robot_at,
             perception_at=perception_at,
             speed=parse_share(speed),
+            shadow=shadow,
             confirm=confirm,
             **({} if seconds is None else {"limit": seconds}),
         )
@@ -331,7 +340,7 @@ _PROFILED_FUNCTIONS = 20
 """Number of functions in each table of a profile."""
 _RECORDED_OPTIONS = (
     "mission", "scene", "robot", "seed", "set_", "faults", "backend", "robot_at", "perception_at", "speed",
-    "confirm", "verify", "watch",
+    "shadow", "confirm", "verify", "watch",
 )  # fmt: skip
 """Parameters that are invalid with --resume, because the log has them."""
 
@@ -345,7 +354,7 @@ def refuse_contradictions(context: typer.Context) -> None:
     if context.params["robot_at"] and given is not None and given.name == "COMMANDLINE":
         raise PicktreeError("--robot-at and --backend exclude each other: a robot is no simulation")
     if not context.params["robot_at"]:
-        for name in ("perception_at", "speed", "confirm"):
+        for name in ("perception_at", "speed", "shadow", "confirm"):
             source = context.get_parameter_source(name)
             if source is not None and source.name == "COMMANDLINE":
                 option = name.replace("_", "-")

@@ -66,14 +66,15 @@ REFLEX_DEAD_BAND = 2.0
 class VirtualBody:
     """Damped body at the tool that wrenches move, and the joint speeds that follow it."""
 
-    def __init__(self, model: RobotModel, period: float, latency: float) -> None:
-        """`latency`: latency of the hardware, s."""
+    def __init__(self, model: RobotModel, period: float, latency: float, damping: float = 1.0) -> None:
+        """`latency`: latency of the hardware, s. `damping`: factor of `VIRTUAL_DAMPING`."""
         self._model = model
         self._period = period
         hand = np.repeat([model.hand_mass, model.hand_inertia], 3)
         self.mass: Array = np.maximum(VIRTUAL_MASS, MIN_INERTIA_RATIO * hand)
         """Mass, kg, and inertia, kg·m², of the body, three times each."""
-        self._own_damping = np.diag(VIRTUAL_DAMPING * ((REACTION_TIME + latency) / REACTION_TIME))
+        late = (REACTION_TIME + latency) / REACTION_TIME
+        self._own_damping = np.diag(damping * late * VIRTUAL_DAMPING)
         self._step: Array = model.acceleration_limit * period
         self.twist = np.zeros(6)
         """Velocity of the body, m/s and rad/s, world axes."""
@@ -133,7 +134,7 @@ class CartesianAdmittance(CartesianImpedance):
     def start(self, now: float, state: JointState, setpoint: JointCommand) -> None:
         super().start(now, state, setpoint)
         self._q: Array = setpoint.position.copy()
-        self._body = VirtualBody(self._model, self._period, self.latency)
+        self._body = VirtualBody(self._model, self._period, self.latency, self.course.damping)
         position, rotation = self._commanded()
         self.course.start(position, rotation)
 

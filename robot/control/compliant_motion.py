@@ -136,6 +136,9 @@ class CompliantMotion:
     `origin` (3,) and `turn` (3, 3) are the tool's pose where the motion began.
     """
 
+    damping = 1.0
+    """Damping with which an arm that takes positions meets contacts, as a multiple of its usual one."""
+
     def __init__(self) -> None:
         self.finished = False
         """Whether the motion has ended; the anchor then stays."""
@@ -210,6 +213,8 @@ class GuardedMove(CompliantMotion):
     At the contact the anchor moves back to the tool, plus the offset that presses with `press` N. So the
     spring keeps no other tension.
     """
+
+    damping = 4.0  # closed fingers meet metal: 3·10⁴ N/m with the arm's servo, and the force is late
 
     def __init__(
         self, direction: Array, distance: float, *, force: float, speed: float, press: float, stiffness: float

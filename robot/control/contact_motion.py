@@ -94,7 +94,7 @@ class ContactMotion(TrajectoryMotion):
                 raise self._at_the_edge(along, 0.0, distance)
             if not loop.takes_torque:
                 late = loop.hardware.latency
-                speed = min(speed, MAX_RIGID_TOUCH_SPEED * REACTION_TIME / (REACTION_TIME + late))
+                speed = min(speed, MAX_RIGID_TOUCH_SPEED) * REACTION_TIME / (REACTION_TIME + late)
             course = GuardedMove(
                 along,
                 min(distance, inside),

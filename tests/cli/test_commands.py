@@ -70,6 +70,7 @@ def test_request_carries_every_option(stage: Any) -> None:
             "robot_at": "",
             "perception_at": "",
             "speed": 1.0,
+            "shadow": False,
             "confirm": False,
         }
     ]

@@ -11,6 +11,7 @@ import pytest
 
 from picktree.robot.control import CompliantMotion, ContactThresholds, GripperControl
 from picktree.robot.control.admittance import AdmittanceReflex, VirtualBody
+from picktree.robot.control.compliant_motion import GuardedMove
 from picktree.robot.control.contact_motion import CompliantMotionResult
 from picktree.robot.control.wrist_wrench import WristWrench
 from picktree.simulation.kinematic import KinematicHardware
@@ -146,9 +147,9 @@ def test_a_reflex_goes_with_the_push_and_ends_when_nothing_pushes() -> None:
     assert np.abs(moved[[0, 2]]).max() < 0.002
 
 
-def contact_force(latency: float, delay: float) -> float:
+def contact_force(latency: float, delay: float, damping: float = 1.0) -> float:
     """Greatest force of a body that presses with 10 N on a wall of 10⁵ N/m, felt after `delay` s."""
-    body = VirtualBody(MODEL, 0.005, latency)
+    body = VirtualBody(MODEL, 0.005, latency, damping)
     jacobian = MODEL.jacobian(HOME)
     felt = deque([0.0] * (1 + round(delay / 0.005)))
     depth = greatest = 0.0
@@ -164,6 +165,10 @@ def contact_force(latency: float, delay: float) -> float:
 def test_a_late_force_is_damped_by_its_latency() -> None:
     assert contact_force(0.0, 0.0) < 30.0
     assert contact_force(0.04, 0.04) < 60.0 < contact_force(0.0, 0.04)
+
+
+def test_a_guarded_move_does_not_bounce_on_a_rigid_contact() -> None:
+    assert contact_force(0.0, 0.01, GuardedMove.damping) < 20.0 < 60.0 < contact_force(0.0, 0.01)
 
 
 def test_the_inertia_of_the_hand_does_not_shake_the_arm() -> None:

@@ -59,6 +59,7 @@ def test_cameras_that_are_elsewhere_are_found_and_the_target_is_felt(
 
     monkeypatch.setattr(calibration_targets, "touch_points", few_points)
     monkeypatch.setattr(touch_target, "MIN_TOUCHES", 2)
+    monkeypatch.setattr(touch_target, "RIGID_TOUCH_SPEED", 0.015)  # less of the robot's time
     with served(file) as cell:
         request = CalibrationRequest("calibrating", views=4, robot_at=cell.address, out=tmp_path / "runs")
         answer = calibrate(request)

@@ -141,6 +141,21 @@ def test_a_late_gripper_says_that_it_is_busy(cell: Cell) -> None:
     assert plant.width == pytest.approx(0.02, abs=1e-3)
 
 
+def test_the_fingers_press_with_the_commanded_force(cell: Cell) -> None:
+    """The effort that the URDF gives the finger joints, 20 N, is not that of the gripper."""
+    plant = Plant(cell, EXACT, 0)
+    item = next(item.id for item in cell.items if item.form == "box")
+    plant.parts.model.opt.gravity[:] = 0.0
+    at = plant.parts.item_q[item]
+    plant.data.qpos[at : at + 3], turn = plant.tcp()
+    mujoco.mju_mat2Quat(plant.data.qpos[at + 3 : at + 7], turn.ravel())
+    plant.take(command(plant, np.array(cell.robot.home), grip=p.GripCommand(0.0, 45.0)))
+    plant.advance(1.0)
+    assert plant.width > 0.01
+    assert plant.data.qfrc_actuator[plant.parts.finger_v] == pytest.approx([-45.0, -45.0])
+    assert plant.reading().gripper[2] == pytest.approx(45.0)
+
+
 def test_the_state_is_as_old_as_its_latency(cell: Cell) -> None:
     plant = Plant(cell, replace(EXACT, state_latency=0.03), 0)
     move(plant, 0.5)
@@ -196,17 +211,23 @@ def test_a_lost_picture_is_none(cell: Cell) -> None:
     assert CellServer(plant, 0)._cameras[0].capture(plant.data, plant.tcp()) is None
 
 
+def serving(server: CellServer, connection: socket.socket, *, moves: bool = True) -> threading.Thread:
+    """Serve a client in a thread; what breaks the protocol ends it."""
+
+    def serve() -> None:
+        with suppress(p.ProtocolError):
+            server.serve(p.Channel(connection), moves=moves)
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    return thread
+
+
 def talk(server: CellServer, *messages: p.Message) -> list[p.Message]:
     """Serve a client that sends these messages; return the answers."""
     one, other = socket.socketpair()
     answers: list[p.Message] = []
-
-    def serve() -> None:
-        with suppress(p.ProtocolError):
-            server.serve(p.Channel(one))
-
-    thread = threading.Thread(target=serve)
-    thread.start()
+    thread = serving(server, one)
     with one, other:
         channel = p.Channel(other)
         for message in messages:
@@ -238,6 +259,40 @@ def test_a_client_is_served_and_a_wrong_one_is_refused(cell: Cell) -> None:
     torque = replace(command(plant, home), mode=p.Mode.TORQUE)
     _, refused = talk(CellServer(plant, 0, mode=p.Capability.POSITION), p.Hello(p.Wish(0)), torque)
     assert refused == p.Refusal(p.Refused.MESSAGE, "the robot takes no commands in mode TORQUE")
+
+
+def test_an_observer_reads_beside_the_client_that_moves_and_changes_nothing(cell: Cell) -> None:
+    alone, plant = Plant(cell, CellFaults(), 0), Plant(cell, CellFaults(), 0)
+    server, home = CellServer(plant, 0), np.array(cell.robot.home)
+    (first, mine), (other, theirs) = socket.socketpair(), socket.socketpair()
+    threads = [serving(server, first), serving(server, other, moves=False)]
+    with first, mine, other, theirs:
+        mover, observer = p.Channel(mine), p.Channel(theirs)
+        for channel, wish in ((mover, p.Wish(0)), (observer, p.Wish.OBSERVE)):
+            channel.send(p.Hello(wish))
+            assert isinstance(channel.receive(), p.Welcome)
+        observer.send(p.Observe(0.02))  # answered when the robot's clock is there
+        state: p.Message = p.Bye()
+        for _ in range(4):
+            mover.send(command(plant, home))
+            state = mover.receive()
+        seen = observer.receive()
+        observer.send(p.Capture(0))
+        picture = observer.receive()
+        assert isinstance(seen, p.State) and isinstance(state, p.State) and isinstance(picture, p.Picture)
+        assert seen.time == pytest.approx(0.02) and picture.given and picture.data
+        assert seen.position == state.position and seen.wrench != state.wrench
+        observer.send(p.Observe(10.0))
+        mover.send(p.Bye())
+        assert isinstance(observer.receive(), p.State)  # nobody moves the robot any more
+        observer.send(p.StopRequest())
+        assert observer.receive() == p.Refusal(
+            p.Refused.MESSAGE, "a client that only observes sent StopRequest"
+        )
+        for thread in threads:
+            thread.join(20)
+    (_, *answers) = talk(CellServer(alone, 0), p.Hello(p.Wish(0)), *[command(alone, home)] * 4, p.Bye())
+    assert answers[-1] == replace(state, command=1)
 
 
 @pytest.mark.parametrize(

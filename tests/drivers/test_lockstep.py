@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import sys
 from dataclasses import replace
@@ -18,7 +19,7 @@ from picktree.files import PicktreeError
 from picktree.logs import RunLog, RunResult
 from picktree.session import Execution, Observer, PresetAnswers, RunRequest, Session
 from picktree.world import GripperCommand, Pose, Tick
-from picktree.world.robot_model import load_robot
+from picktree.world.robot_model import RobotModel, load_robot
 from picktree.world.scene import load_scene
 
 from .served_cell import ServedCell, served, write_cell
@@ -114,6 +115,42 @@ def test_each_motion_is_confirmed_and_a_no_ends_the_run(tmp_path: Path) -> None:
     with RunLog(result.log) as log:
         moved = {each.record.controller for each in log.controls()}
     assert moved == {"Hold", "Track"}
+
+
+class Lines(Observer):
+    """Observer that keeps the lines for displays."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def notified(self, now: float, text: str) -> None:
+        self.lines += text.splitlines()
+
+
+def test_a_shadow_shows_what_it_would_send_and_sends_nothing(tmp_path: Path) -> None:
+    """It ends where the fingers would close, and names the set-point that the robot would refuse."""
+    file, seen = write_cell(tmp_path, seed=3), Lines()
+    cell_text = json.loads(file.read_text())
+    cell_text["workspace"][2] = 0.2
+    file.write_text(json.dumps(cell_text))
+    with served(file) as cell:
+        mission = EXAMPLES / "one_pick.yaml"
+        request = RunRequest(mission, "sort_small", out=tmp_path / "runs", robot_at=cell.address, shadow=True)
+        result = Session(request, observers=[seen]).run()
+    assert (cell.score["time"], cell.score["greatest_force"]) == (0.0, 0.0)
+    assert (result.status, result.picks.tried) == ("interrupted", 0)
+    assert "the fingers would close" in result.message
+    rows = list(csv.reader((result.folder / "shadow.csv").open()))
+    first, last = (np.array(row[1:8], float) for row in (rows[1], rows[-1]))
+    home = np.array(cell_text["robot"]["home"])
+    assert first == pytest.approx(home, abs=1e-6)
+    # Where the fingers would close there is an item: the belief comes from the cell's own picture.
+    model = RobotModel(load_robot("panda", tmp_path))
+    tool = np.array(model.tcp(last).position)
+    assert min(np.linalg.norm(tool - item["at"]) for item in cell_text["items"]) < 0.03
+    assert float(rows[-1][8]) == pytest.approx(float(np.abs(last - home).max()), abs=2e-3)
+    assert any(line.startswith("refused") and "the tool leaves the workspace" in line for line in seen.lines)
+    assert any(line.startswith("would send ") for line in seen.lines)
 
 
 class Mistake(Observer):

@@ -123,6 +123,7 @@ messages = st.one_of(
     commands(),
     states(),
     st.builds(p.Capture, st.integers(0, 255)),
+    st.builds(p.Observe, micros),
     st.builds(p.Picture, st.integers(0, 255), st.booleans(), micros, st.binary(max_size=50)),
     st.builds(p.StopRequest, st.sampled_from(p.Stop)),
     st.just(p.Clear()),

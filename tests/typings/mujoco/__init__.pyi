@@ -64,6 +64,7 @@ class MjsJoint:
     name: str
     parent: MjsBody
     armature: float
+    actfrclimited: int
     damping: _Array
     frictionloss: float
     limited: int
