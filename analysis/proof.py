@@ -11,12 +11,14 @@ import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, cast
 
 from picktree.analysis.explain import GOAL, Experiment, Fact, Removal, RootCause, experiment, explain
 from picktree.files import listed
 from picktree.logs import RunRecord
 from picktree.session import RecordedRun, Session, run_recipe
+from picktree.trees import MAIN, Mission, RecordedFiles
+from picktree.trees.loading import parse_mission
 from picktree.world import StreamVariant
 
 from .run import Run
@@ -86,11 +88,11 @@ class Proof:
         asked, removal = self.experiment, self.experiment.removal
         lines = [f"cause       {asked.number} [{asked.root.cause}] {asked.root.title}"]
         if removal is not None:
-            since = f"{self.checkpoint.removesuffix('.json') or 'the beginning'}, {self.start:.2f} s"
+            begin = self.checkpoint.removesuffix(".json") or "the beginning of the log"
             lines += [
                 f"without it  {removal.sentence}",
-                f"goes on     from {since}; noise drawn anew from {asked.since:.2f} s on; "
-                f"to {self.bound:.1f} s at most",
+                f"goes on     from {begin}, {self.start:.2f} s; "
+                f"noise drawn anew from {asked.since:.2f} s on; to {self.bound:.1f} s at most",
             ]
             for fact in asked.facts:
                 counts = [
@@ -162,6 +164,18 @@ def prove(
         return Continuations(run, recorded, asked, asked.removal, bound, progress).proof(forecast)
 
 
+def _looking_first(mission: Mission, camera: str) -> Mission:
+    """Return the mission with a look before all else. It writes the list that the mission reads."""
+    path, data = mission.document.path, cast("dict[str, Any]", mission.document.data)
+    main = cast("dict[str, Any]", data["trees"])[MAIN]
+    kept = {key: main[key] for key in ("ports", "doc") if key in main}
+    rest = {key: value for key, value in main.items() if key not in kept}
+    look = {"camera": camera} | ({"objects": "{items}"} if "{items}" in mission.text else {})
+    trees = {**data["trees"], MAIN: {**kept, "Sequence": [{"Observe": look}, rest]}}
+    text = run_recipe.yaml_text({**data, "trees": trees})
+    return parse_mission(text, path, files=RecordedFiles(mission.files, path.parent))
+
+
 class Continuations:
     """Continuations of a run with a root cause and without it."""
 
@@ -184,7 +198,9 @@ class Continuations:
         self.bound = min(asked.last + bound, run.end + (bound if removal.longer else OVERTIME))
         limit = min(self.bound, kept.recipe.limit)
         self._with = replace(kept.recipe, limit=limit)
-        self._without = replace(gone.recipe, limit=self.bound if removal.longer else limit)
+        mission = _looking_first(gone.recipe.mission, removal.look) if removal.look else gone.recipe.mission
+        limit = self.bound if removal.longer else limit
+        self._without = replace(gone.recipe, mission=mission, limit=limit)
 
     def proof(self, forecast: Callable[[Forecast], None]) -> Proof:
         """Run the continuations, as few as decide, and return the verdict."""

@@ -135,11 +135,18 @@ def hypotheses(row: Row) -> Iterator[Job]:
                 of=kind,
             )
     struck = [row["strikes"][str(n)]["at"] for n in alone if str(n) in row["strikes"]]
-    codes = {CODES.get(kind) for kind in kinds}
-    others = [(code, about) for code, about in OTHERS if code not in codes and (item or about is not None)]
+    parts = {_part(CODES[kind]) for kind in kinds if kind in CODES}
+    free = [(code, about) for code, about in OTHERS if _part(code) not in parts]
+    others = [(code, about) for code, about in free if item or about is not None]
     if struck and others:
         code, about = others[row["seed"] % len(others)]
         yield replace(job, cause=code, about=item if about is None else about, since=min(struck))
+
+
+def _part(code: str) -> str:
+    """Return what a root cause takes away: a device, whatever its fault, or a property of an item."""
+    family = code.partition(".")[0].replace("perception", "camera")
+    return code if family == "item" else family
 
 
 def _about(deviation: Mapping[str, Any], strike: Row) -> str:

@@ -187,7 +187,7 @@ def _build(recipe: Recipe) -> _Built:
     start = recipe.start.state.simulation if recipe.start else None
     scene = nominal_scene(recipe.scene, recipe.nominal)
     simulation = build_hardware(recipe.backend, scene, recipe.robot, recipe.seed, start)
-    require_known(recipe.nominal, recipe.scene, recipe.robot.joints, simulation)
+    require_known(recipe.nominal, recipe.scene, recipe.robot.joints)
     return _Built(simulation, simulation)
 
 

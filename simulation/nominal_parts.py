@@ -43,7 +43,9 @@ Part: TypeAlias = Literal[
 ]  # fmt: skip
 """Kind of a part. `mass`, `friction`, `size`, `place`: of an item; `arrivals`: items that nothing announces;
 `body`: a body that the robot does not know; `skill`: the code of a node."""
-NAMED: Final = frozenset({"joint", "mass", "friction", "size", "place", "body", "skill"})
+OF_ITEM: Final = frozenset({"mass", "friction", "size", "place"})
+"""Parts that are properties of an item."""
+NAMED: Final = OF_ITEM | {"joint", "body", "skill"}
 """Parts that need a name; a camera without a name means all cameras."""
 MIN_SCALE_CHANGE = 1e-6
 """Relative difference of an item's size from the catalogue's above which it counts as scaled."""
@@ -73,22 +75,19 @@ class NominalPart:
         return cls(part, name.strip())
 
 
-def require_known(
-    parts: Iterable[NominalPart], scene: SceneDescription, joints: Sequence[str], hardware: InjectableRobot
-) -> None:
-    """Raise PicktreeError for a part with a joint, camera, item or body that the simulation does not have."""
-    known = {
-        "joint": tuple(joints),
-        "camera": tuple(camera.name for camera in scene.cameras),
-        **dict.fromkeys(("mass", "friction", "size", "place"), tuple(b.id for b in hardware.recent_truth())),
-    }
+def require_known(parts: Iterable[NominalPart], scene: SceneDescription, joints: Sequence[str]) -> None:
+    """Raise PicktreeError for a joint or camera that the cell does not have, and for a name of no item.
+
+    Items and bodies may come later.
+    """
+    known = {"joint": tuple(joints), "camera": tuple(camera.name for camera in scene.cameras)}
     for each in parts:
         names = known.get(each.part, ())
         if names and each.name and each.name not in names:
-            raise PicktreeError(
-                f"the nominal part {each.words()!r}: there is no {each.name!r} "
-                f"({suggest_name(each.name, names)})"
-            )
+            hint = suggest_name(each.name, names)
+            raise PicktreeError(f"the nominal part {each.words()!r}: there is no {each.name!r} ({hint})")
+        if each.part in OF_ITEM and not each.name.removeprefix("item_").isdecimal():
+            raise PicktreeError(f"the nominal part {each.words()!r}: items are named as item_03")
 
 
 def nominal_scene(scene: SceneDescription, parts: Sequence[NominalPart]) -> SceneDescription:
@@ -172,6 +171,6 @@ def _concerns(each: NominalPart, fault: FaultSpec, target: str) -> bool:
         case Hang() | Raise():
             return each.part == "skill" and node_matches(f"/{each.name}", target)
         case Friction() | Heavier() | Larger() | Remove() | Bump() | Slip():
-            return each.part in ("mass", "friction", "size", "place") and target == each.name
+            return each.part in OF_ITEM and target == each.name
         case _:
             return False

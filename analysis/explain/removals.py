@@ -40,6 +40,8 @@ class Removal:
     """Parts of the simulation that are nominal, as `whatif --nominal` takes them."""
     settings: Mapping[str, str] = field(default_factory=dict[str, str])
     """Ports of the mission, as `whatif --set` takes them."""
+    look: str = ""
+    """Camera of a look with which the mission begins; empty: no look is added."""
     longer: bool = False
     """Whether the time limit of the run does not count."""
     is_state: bool = True
@@ -91,7 +93,9 @@ _DEVICES: Final = {
     "perception.mistaken": ("camera", "the cameras are nominal"),
     "item.appeared": ("arrivals", "no further item appears"),
 }
-_BODIES: Final = frozenset({"scene.unknown_obstacle", "scene.blocked", "contact.obstacle"})
+_BODIES: Final = frozenset(
+    {"scene.unknown_obstacle", "scene.blocked", "contact.obstacle", "perception.phantom"}
+)
 _SKILLS: Final = frozenset({"skill.hangs", "internal.error"})
 _ADVICE: Final = (
     (
@@ -123,7 +127,7 @@ def experiment(run: RunRecord, found: Explanation, cause: str | RootCause = "1")
     case = investigation(run, account, failures, truth=True)
     own = [each for each in failures if each.number in root.failures]
     since = _since(case, root, own)
-    if run.info.continues is not None and since < run.info.continues.time:
+    if run.info.continues is not None and since + run.info.tick < run.info.continues.time - 1e-6:
         raise PicktreeError(
             f"{run.path}: the cause acts before the log begins, at {seconds(since)}; prove the run that it "
             f"continues: {run.info.continues.log or 'its log is not known'}"
@@ -156,7 +160,8 @@ def _since(case: Investigation, root: RootCause, own: list[FailureStory]) -> flo
     if not times:
         names = {root.item, *root.items}
         times = [visit.start for visit in case.family.visits if visit.item in names]
-    return max(0.0, min(times, default=0.0) - case.run.info.tick)
+    begins = case.run.ticks.times[0]
+    return max(0.0, min(times, default=begins) - case.run.info.tick)
 
 
 def _facts(
@@ -202,8 +207,8 @@ def _removal(case: Investigation, root: RootCause) -> Removal | None:
     if cause.startswith("camera."):
         name = about.removeprefix("the camera ")
         return Removal(f"the camera {name} is nominal", (f"camera {name}".rstrip(),))
-    if cause in _BODIES and about in case.obstacles.tracks:
-        return Removal(f"{about} is not there", (f"body {about}",))
+    if cause in _BODIES and (body := _true_body(case, root)):
+        return Removal(f"{body} is not there", (f"body {body}",))
     if cause in _SKILLS:
         return Removal(f"nothing interferes with {about}", (f"skill {about}",), is_state=False)
     if cause == "run.limit":
@@ -211,10 +216,21 @@ def _removal(case: Investigation, root: RootCause) -> Removal | None:
     return _corrected_mission(case, root)
 
 
+def _true_body(case: Investigation, root: RootCause) -> str:
+    """Return the body that the robot did not know, by its name or at the believed place; empty: not found."""
+    if root.about in case.obstacles.tracks:
+        return root.about
+    seen = case.belief.tracks.get(root.about)
+    return "" if seen is None else case.obstacle_at(seen.last)
+
+
 def _corrected_mission(case: Investigation, root: RootCause) -> Removal | None:
     """Return the correction of a port of the mission; None: no correction is known."""
     cause, node = root.cause, root.about
     ports = case.ports(node)
+    if cause == "mission.no_look" and case.scene is not None and case.scene.cameras:
+        camera = min(case.scene.cameras, key=lambda each: each.on != "world").name
+        return Removal(f"the mission begins with a look of {camera}", look=camera)
     if cause in ("tree.timeout", "mission.time_is_up") and "msec" in ports:
         return Removal(f"{node} has no time limit", settings={f"/{node}.msec": "0"})
     if cause == "grasp.weak" and case.robot is not None:
