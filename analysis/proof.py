@@ -256,7 +256,7 @@ class Continuations:
         recipe = replace(recipe, variant=StreamVariant(variant, self._at))
         asked = self._asked.facts
         items = frozenset(fact.removeprefix("item ") for fact in asked if fact.startswith("item "))
-        watch = SettledItems(items, lambda now: self._progress(self._count, now))
+        watch = SettledItems(items, self._asked.last, lambda now: self._progress(self._count, now))
         with tempfile.TemporaryDirectory(prefix="picktree-") as folder:
             session = Session(
                 recipe,

@@ -53,9 +53,10 @@ class Trial:
 class SettledItems(Interrupter):
     """Interrupter that ends a continuation when the asked items rest where they belong."""
 
-    def __init__(self, items: frozenset[str], progress: Callable[[float], None]) -> None:
-        """items: true items; without any the continuation is not ended early."""
-        self._items, self._progress = items, progress
+    def __init__(self, items: frozenset[str], after: float, progress: Callable[[float], None]) -> None:
+        """items: true items; without any the continuation is not ended early. after: time before which the
+        cause may still have an effect, simulated s: an item may be taken out of its bin."""
+        self._items, self._after, self._progress = items, after, progress
         self._since: float | None = None
         self._over = False
         self._run: Execution | None = None
@@ -67,7 +68,7 @@ class SettledItems(Interrupter):
         self._progress(now)
         if not self._items or self._run is None or self._run.stage is None:
             return
-        if not self._settled():
+        if now < self._after or not self._settled():
             self._since = None
             return
         self._since = now if self._since is None else self._since

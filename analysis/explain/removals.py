@@ -63,7 +63,8 @@ class Experiment:
     since: float
     """Time before which the cause had no effect, simulated s."""
     last: float
-    """Time of the last failure of the cause, or of the cause itself, simulated s."""
+    """Time of the last failure of the cause, or of the cause itself, simulated s. The end of the run without
+    both."""
     facts: tuple[Fact, ...]
     """Outcomes that the cause is to have had, of which the first is the costliest."""
     names: Mapping[Fact, str]
@@ -135,7 +136,8 @@ def experiment(run: RunRecord, found: Explanation, cause: str | RootCause = "1")
     removal = _removal(case, root)
     advice = "" if removal else next(text for begin, text in _ADVICE if root.cause.startswith(begin))
     facts = _facts(case, root, own, found)
-    last = max([each.time for each in own] or [root.time or case.end])
+    times = [*(each.time for each in own), *([] if root.time is None else [root.time])]
+    last = max(times, default=case.end)
     return Experiment(number, root, removal, advice, since, last, tuple(facts), facts)
 
 

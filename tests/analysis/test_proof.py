@@ -14,18 +14,19 @@ from picktree.analysis.explain import RootCause
 from picktree.apps.cli import answer
 
 from ..logs.rewriting import Content
-from .test_explain_roots import BLOCK, run
+from .test_explain_roots import BLOCK, MISSION, run
 from .test_explain_without_truth import HIDDEN_EVENTS
 
 BOUND = 6.0
-"""Simulated s after the failure: enough to place the item."""
+"""Simulated s after the cause."""
 
 
 @pytest.fixture(scope="module")
 def emptied(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of a run in which the only item is taken out of the hand."""
-    fault = "{fault: remove, when: {at: 2 s}, target: {index: 0}}"
-    return run(tmp_path_factory.mktemp("emptied"), items=BLOCK, fault=fault)
+    """The folder of a run in which the only item is taken out of its bin, after it was placed."""
+    fault = "{fault: remove, when: {at: 5 s}, target: {index: 0}}"
+    mission = f"{MISSION}      - Sleep: {{msec: 4 s}}\n"
+    return run(tmp_path_factory.mktemp("emptied"), items=BLOCK, mission=mission, fault=fault)
 
 
 def without_faults_events(log: Path, out: Path) -> Path:
@@ -67,7 +68,7 @@ def test_a_device_that_works_is_refuted(emptied: Path) -> None:
         (),
         ended_run=True,
         reasons=(),
-        time=1.9,
+        time=4.9,
         items=("blue_block_1",),
     )
     proof = prove(emptied, cause=other, bound=2.0)
