@@ -13,7 +13,7 @@ from picktree.authoring import check_mission
 from picktree.files import Diagnostic, PicktreeError
 from picktree.files.yaml import read_document
 from picktree.session import run_recipe
-from picktree.simulation import load_faults
+from picktree.simulation import NominalPart, load_faults
 from picktree.trees import Mission
 from picktree.trees.loading import scene_names
 from picktree.world import StreamVariant
@@ -64,6 +64,9 @@ class RunChanges:
     faults: Path | None = None
     no_faults: bool = False
     seed: int | None = None
+    nominal: tuple[str, ...] = ()
+    """Parts of the simulation that no fault affects, such as `gripper` or `mass item_03`: see
+    `simulation.NominalPart`."""
     variant: int | None = None
     """Number of a variant of sensor noise and planner seeds, from 1. `what_if` applies it from its time on,
     `resimulate` from the beginning."""
@@ -118,6 +121,10 @@ def apply_changes(changes: RunChanges, recorded: run_recipe.Recipe, since: float
         recipe = replace(recipe, faults=faults)
         counts = ["none" if file is None else str(len(file.faults)) for file in (faults, recorded.faults)]
         sentences.append(f"faults: {counts[0]} instead of {counts[1]}")
+    if changes.nominal:
+        parts = tuple(map(NominalPart.from_words, changes.nominal))
+        recipe = replace(recipe, nominal=(*recipe.nominal, *parts))
+        sentences.append(f"nominal: {', '.join(each.words() for each in parts)}")
     if changes.seed is not None:
         sentences.append(f"seed {changes.seed} instead of {recorded.seed}")
         recipe = replace(recipe, seed=changes.seed)

@@ -198,11 +198,8 @@ def what_if(
     with Run(where) as run, RecordedRun(run) as recorded:
         run.log.require_repeatable()
         tick = parse_tick(at, run, "--at")
-        found = recorded.last_checkpoint(run.ticks.times[tick])
-        name, state = found or ("", None)
-        recipe = recorded.recipe() if state is None else recorded.from_checkpoint(name, state)
-        changed = apply_changes(changes, recipe, run.ticks.times[tick])
-        recipe = _with_fitting_checkpoint(recipe, changed, changes)
+        name, changed = continued_recipe(recorded, run.ticks.times[tick], changes)
+        recipe = changed.recipe
         begin = recipe.start.state.time if recipe.start else None
         comparison = RecordComparison(
             run,
@@ -245,6 +242,15 @@ def what_if(
             warnings=changed.warnings,
             new_log=result.log,
         )
+
+
+def continued_recipe(recorded: RecordedRun, at: float, changes: RunChanges) -> tuple[str, ChangedRecipe]:
+    """Return the changed recipe from the last checkpoint at `at`, simulated s, or before, and the name of the
+    checkpoint; empty: from the beginning."""
+    name, state = recorded.last_checkpoint(at) or ("", None)
+    recipe = recorded.recipe() if state is None else recorded.from_checkpoint(name, state)
+    changed = apply_changes(changes, recipe, at)
+    return name, replace(changed, recipe=_with_fitting_checkpoint(recipe, changed, changes))
 
 
 def _with_fitting_checkpoint(

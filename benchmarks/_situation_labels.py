@@ -24,10 +24,11 @@ from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 from _situation_drawing import LIMIT, Occasion, Situation, write
-from picktree.analysis import Run
+from picktree.analysis import Run, outcomes
+from picktree.analysis.explain import GOAL
 from picktree.session import RecordedRun, ResumeRequest, Resumption, RunRequest, Session
 from picktree.session.run_recipe import Recipe, Recording, StartCheckpoint, read_recipe
-from picktree.simulation import new_states, score
+from picktree.simulation import new_states
 from picktree.simulation.fault_entries import FaultFile
 from picktree.world import StreamVariant, event_types
 
@@ -41,7 +42,6 @@ TICK = 0.05
 """Length of a tick, simulated s."""
 LATER = 20.0
 """Time that a continuation may take longer than the run and the clean run, simulated s."""
-GOAL = "goal"
 FACTS = "facts.json"
 """File with the outcomes of a run, beside its folder."""
 
@@ -456,28 +456,6 @@ def _keep(place: Path, facts: Facts, costly: str) -> None:
 
 def _ran(session: Session) -> tuple[Facts, str]:
     """Run a session; return the outcomes, and the costliest failure of the log; empty without one."""
-    result = session.run()
-    facts = set[str]()
-    if result.status != "success":
-        facts.add(GOAL)
-    assert session.execution.stage is not None
-    truth = session.execution.stage.simulation.truth()
-    items = score(truth, session.execution.recipe.scene).items
-    facts |= {f"item {item.id}" for item in items if not item.is_in_place}
-    costs: dict[str, float] = {}
-    with Run(result.folder) as run:
-        for failure in run.account.failures:
-            source = failure.source
-            if failure.decided.fate == "done_instead":
-                continue
-            fact = failure_fact(source.cause, source.id, source.item)
-            number = run.account.recovery.of_failure(source.cause, source.end, source.origin or source.path)
-            cost = run.account.recovery.episodes[number].seconds if number is not None else 0.0
-            costs[fact] = max(costs.get(fact, 0.0), cost)
-    return frozenset(facts | set(costs)), max(costs, key=lambda fact: costs[fact], default="")
-
-
-def failure_fact(cause: str, skill: str, item: str) -> str:
-    """Return a failure as an outcome: family of its cause, skill, and item without its number."""
-    words = ("failure", cause.partition(".")[0], skill, re.sub(r"_\d+$", "", item))
-    return " ".join(filter(None, words))
+    facts = outcomes(session, session.run())
+    failures = {fact: cost for fact, cost in facts.items() if fact.startswith("failure ")}
+    return frozenset(facts), max(failures, key=lambda fact: failures[fact], default="")

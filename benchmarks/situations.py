@@ -31,9 +31,9 @@ from pathlib import Path
 
 from _campaign import Row, blind, campaign, explaining, options, rate
 from _situation_drawing import DEVELOPMENT, FINAL, drawn
-from _situation_labels import Experiment, failure_fact
+from _situation_labels import Experiment
 from _situation_score import SCORED, Verdict, judged, verdict_of
-from picktree.analysis.explain import explain, to_json_text
+from picktree.analysis.explain import explain, failure_fact, to_json_text
 from picktree.session import sources
 
 COSTS = {"physics": 28.0, "kinematic": 10.0}

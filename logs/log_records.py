@@ -145,6 +145,8 @@ class RunInfo:
     continues: ResumedFrom | None = None
     variant: StreamVariant | None = None
     """Other noise and planner seeds than those of the seed; None: those of the seed."""
+    nominal: tuple[str, ...] = ()
+    """Parts of the simulation that no fault affects, as `simulation.NominalPart.words`."""
 
     @property
     def seed_text(self) -> str:

@@ -83,6 +83,7 @@ def run_settings(metadata: Mapping[str, Mapping[str, str]], tick: float, path: P
             files=metadata.get("picktree.files", {}),
             continues=ResumedFrom.from_words(continues) if continues else None,
             variant=StreamVariant.from_words(words["variant"]) if "variant" in words else None,
+            nominal=tuple(words.get("nominal", "").splitlines()),
         )
     except (KeyError, ValueError) as error:
         raise PicktreeError(f"{path}: the log's metadata are incomplete: {error}") from None

@@ -24,7 +24,14 @@ from picktree.robot.planning import (
     TrajectoryGate,
     standing_pairs,
 )
-from picktree.simulation import FaultInjector, Simulation, build_hardware
+from picktree.simulation import (
+    FaultInjector,
+    Simulation,
+    build_hardware,
+    make_nominal,
+    nominal_scene,
+    require_known,
+)
 from picktree.trees import MAIN, Mission, NodeStatus, build, runner
 from picktree.world import (
     ComputeTimeAccount,
@@ -184,7 +191,9 @@ def _build(recipe: Recipe) -> _Built:
         noise = robot.measured.wrench_noise if robot.measured else None
         return _Built(robot, None, noise, robot.recogniser)
     start = recipe.start.state.simulation if recipe.start else None
-    simulation = build_hardware(recipe.backend, recipe.scene, recipe.robot, recipe.seed, start)
+    scene = nominal_scene(recipe.scene, recipe.nominal)
+    simulation = build_hardware(recipe.backend, scene, recipe.robot, recipe.seed, start)
+    require_known(recipe.nominal, recipe.scene, recipe.robot.joints)
     return _Built(simulation, simulation)
 
 
@@ -264,6 +273,7 @@ class Execution:
                 seed=recipe.seed,
                 program=lambda: self.tree,
                 kill=kill,
+                nominal=recipe.nominal,
             )
             self.world.plan.finds_nothing = injector.no_plan
             self.stage = Stage(simulation, injector)
@@ -273,6 +283,8 @@ class Execution:
         """Transfer of node states from a checkpoint of another mission; None: the mission is the same."""
         if start is not None:
             self._take_up(start)
+        if self.stage is not None:
+            make_nominal(self.stage.simulation, recipe.scene, recipe.nominal)
         self._vary_streams()
         self._first = resync_belief(self.world) if start and start.continues.as_it_stands else None
         """Resynchronisation of the belief before the tree resumes; None: not needed, or over."""

@@ -26,7 +26,7 @@ from pydantic import TypeAdapter, ValidationError
 from picktree.files import PicktreeError, file_system
 from picktree.files.yaml import read_document
 from picktree.logs import log_files, log_records
-from picktree.simulation import Backend, fault_entries, load_faults, parse_faults
+from picktree.simulation import Backend, NominalPart, fault_entries, load_faults, parse_faults
 from picktree.trees import Mission, Plugin, RecordedFiles, name_of
 from picktree.trees.loading import NodeRegistry, load_surroundings, parse_mission
 from picktree.world import CompoundMesh, StreamVariant, convex_decomposition, mesh_reader
@@ -140,6 +140,8 @@ class Recipe:
     """Read the robot and send it nothing: a predicted arm carries the mission out."""
     variant: StreamVariant | None = None
     """Other noise of the simulated sensors and other planner seeds; None: those of the seed."""
+    nominal: tuple[NominalPart, ...] = ()
+    """Parts of the simulation that no fault affects, from the start of the run or its checkpoint on."""
 
 
 def recipe_files(recipe: Recipe) -> Iterator[Attachment]:
@@ -406,6 +408,7 @@ class Unpacking(CellUnpacking):
             start,
             {name: words.partition(" ")[2] for name, words in info.files.items()},
             variant=info.variant,
+            nominal=tuple(map(NominalPart.from_words, info.nominal)),
         )
 
     def mission(self, edit: str = "") -> Mission:
@@ -453,6 +456,7 @@ def write_recipe(recipe: Recipe, path: Path) -> None:
         limit=recipe.limit,
         own_scene=recipe.own_scene,
         variant=recipe.variant,
+        nominal=tuple(each.words() for each in recipe.nominal),
         files=fingerprints(recipe, files),
     )
     data = io.BytesIO()

@@ -102,6 +102,7 @@ class SessionRecorder:
             limit=recipe.limit,
             own_scene=recipe.own_scene,
             variant=recipe.variant,
+            nominal=tuple(each.words() for each in recipe.nominal),
             machine=environment.machine(),
             arithmetic=arithmetic(),
             files=fingerprints(recipe, self._files),

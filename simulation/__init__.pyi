@@ -23,6 +23,12 @@ from .footprints import (
 )
 from .heap_spawning import Sticker as Sticker, check_contained as check_contained, pile_walls as pile_walls
 from .inventory import Inventory as Inventory, InventoryState as InventoryState
+from .nominal_parts import (
+    NominalPart as NominalPart,
+    make_nominal as make_nominal,
+    nominal_scene as nominal_scene,
+    require_known as require_known,
+)
 from .planted_obstacles import (
     FreeSpaceCheck as FreeSpaceCheck,
     HiddenObstacles as HiddenObstacles,

@@ -217,6 +217,10 @@ class InjectableRobot(Protocol):
     def change_dynamics(
         self, item: str, friction: float | None = None, mass: float | None = None
     ) -> None: ...
+    def friction_of(self, item: str) -> float:
+        """Return the item's present coefficient of friction."""
+        ...
+
     def bump(self, item: str, velocity: Vector3, spin: Vector3 = (0.0, 0.0, 0.0)) -> None: ...
     def lubricate(self, item: str, friction: float | None, *, again: bool = False) -> None:
         """Give the item another friction; None: its own again. `again`: it had that friction already when the

@@ -46,6 +46,7 @@ from .fault_entries import (
     WrenchBias,
     WrenchDead,
 )
+from .nominal_parts import NominalPart, without_nominal
 from .spawn import item_number
 from .truth import TrueBody
 
@@ -364,7 +365,8 @@ class FaultInjector:
     """Fault injector of one run; works between two ticks.
 
     `object_place` returns the believed place of a node's object, by the node's path; `program` returns the
-    running tree. `kill` ends the process; without it a repeated run continues past the kill.
+    running tree. `kill` ends the process; without it a repeated run continues past the kill. Faults do not
+    affect `nominal` parts.
     """
 
     def __init__(
@@ -376,7 +378,9 @@ class FaultInjector:
         seed: int = 0,
         program: Callable[[], InjectableProgram] | None = None,
         kill: Callable[[], None] | None = None,
+        nominal: Sequence[NominalPart] = (),
     ) -> None:
+        self._nominal = tuple(nominal)
         self._faults: tuple[FaultSpec, ...] = faults.faults if faults else ()
         self._hardware = hardware
         self._object_place = object_place
@@ -449,6 +453,9 @@ class FaultInjector:
         for n, (fault, state) in enumerate(zip(self._faults, states, strict=True)):
             if not state.standing:
                 continue
+            if self._is_nominal(fault, state.standing):
+                self._states[n] = replace(state, standing="")
+                continue
             match fault:
                 case Slip(friction=friction):
                     self._hardware.lubricate(state.standing, friction, again=True)
@@ -503,7 +510,13 @@ class FaultInjector:
         self._states[n] = after
         return [event]
 
+    def _is_nominal(self, fault: FaultSpec, target: str) -> bool:
+        return bool(self._nominal) and without_nominal(fault, target, self._nominal) is None
+
     def _outcome(self, n: int, fault: FaultSpec, state: FaultState) -> InjectionResult:
+        target = fault.fixture.id if isinstance(fault, Obstacle) else ""
+        if self._is_nominal(fault, target):
+            return _no_effect(fault)
         match fault:
             case Obstacle():
                 return self._obstruct(fault, state)
@@ -531,7 +544,10 @@ class FaultInjector:
         body = choose_target(self._hardware, fault.target, state.node, self._object_place)
         if body is None:
             return InjectionResult(event_types.FaultEvent(f"{name}: no item fits", fault=name, extra=NO_ITEM))
-        message = apply_item_fault(fault, body, self._hardware)
+        left = without_nominal(fault, body.id, self._nominal)
+        if left is None:
+            return _no_effect(fault)
+        message = apply_item_fault(cast("ItemFaults", left), body, self._hardware)
         event = event_types.FaultEvent(
             message or "", fault=name, item=body.id, extra=item_fault_details(fault, body)
         )
@@ -577,6 +593,8 @@ class FaultInjector:
         item = self._hardware.in_hand()
         if item is None:  # it waits for something to be held
             return InjectionResult(replace(event, waits=True))
+        if self._is_nominal(fault, item):
+            return _no_effect(fault)
         self._hardware.lubricate(item, fault.friction)
         lasting = "" if fault.lasts is None else f" for {fault.lasts:g} s"
         message = f"{item} slips: its friction is {fault.friction:g}{lasting}"
@@ -592,13 +610,15 @@ class FaultInjector:
             return InjectionResult(event_types.FaultEvent(message, fault=name, extra={"skill": None}))
         if not path:
             return InjectionResult(event_types.FaultEvent("", fault=name, waits=True))
+        if self._is_nominal(fault, path):
+            return _no_effect(fault)
         tree.stand_in(path, _fault_generator(fault))
         return _program_fault_result(fault, path)
 
     def _strike_at_once(self, n: int, fault: Hang | Raise, path: str, now: float) -> None:
         """Replace the generator of a skill that has just started, which may end in the same tick."""
         state = self._states[n]
-        if state.dues[0].time > now or self._program is None:
+        if state.dues[0].time > now or self._program is None or self._is_nominal(fault, path):
             return
         if self._program().stand_in(path, _fault_generator(fault)):
             outcome = _program_fault_result(fault, path)
@@ -622,6 +642,12 @@ def new_states(
         before[1][n] if known.get(n) == fault else occasions.begun(n, fault, since)
         for n, fault in enumerate(faults.faults if faults else ())
     )
+
+
+def _no_effect(fault: Fault) -> InjectionResult:
+    """Return the result of a fault whose target is held nominal."""
+    message = f"{fault.fault} has no effect: its target is held nominal"
+    return InjectionResult(event_types.FaultEvent(message, fault=fault.fault, extra=NO_ITEM))
 
 
 def _program_fault_result(fault: Hang | Raise, path: str) -> InjectionResult:

@@ -20,4 +20,12 @@ from .explanation_text import (
     to_json_text as to_json_text,
     to_text as to_text,
 )
+from .removals import (
+    Experiment as Experiment,
+    Fact as Fact,
+    GOAL as GOAL,
+    Removal as Removal,
+    experiment as experiment,
+    failure_fact as failure_fact,
+)
 from .true_world import true_scenes as true_scenes, true_states as true_states

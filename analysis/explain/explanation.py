@@ -206,6 +206,8 @@ class RootCause:
     """Evidence in the log that speaks against it."""
     items: tuple[str, ...] = ()
     """Items that are not where they belong because of it, by their believed names where they have one."""
+    about: str = ""
+    """Device, true item, bin, body or node that it is about, as its finding names it."""
 
 
 @dataclass(frozen=True, slots=True)

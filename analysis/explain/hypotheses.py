@@ -450,6 +450,7 @@ def _root(
         confidence=first.confidence,
         against=first.against,
         items=tuple(case.name_of(true) for true in group.items),
+        about=first.about,
     )
 
 

@@ -51,8 +51,22 @@ def explain(
         bool, typer.Option("--hide-faults", help="Do not list the injected faults.")
     ] = False,
     without_truth: WithoutTruth = False,
+    prove_it: Annotated[
+        bool,
+        typer.Option("--prove", help="Continue the run with and without a root cause; print the verdict."),
+    ] = False,
+    cause: Annotated[
+        str,
+        typer.Option(metavar="CAUSE", help="Root cause to prove: its number in the output, or its code."),
+    ] = "1",
+    bound: Annotated[
+        float,
+        typer.Option(
+            metavar="SECONDS", min=1.0, help="Simulated time after the failure that a proof may take."
+        ),
+    ] = 60.0,
     as_json: Annotated[
-        bool, typer.Option("--json", help="Print the explanation as one JSON object.")
+        bool, typer.Option("--json", help="Print the explanation, or the proof, as one JSON object.")
     ] = False,
 ) -> None:
     """Explain the end of a run: root causes, failures, items, key moments.
@@ -60,6 +74,9 @@ def explain(
     For a folder with many runs: their root causes, grouped and counted, with a typical run of each.
     """
     answer = keep_stdout() if as_json else None
+    if prove_it:
+        _prove(log, answer, cause, bound, truth=False if without_truth else None)
+        return
 
     from picktree.analysis.explain import holds_runs
 
@@ -80,6 +97,21 @@ def explain(
             ),
             lambda: to_json_text(run, found),
         )
+
+
+def _prove(log: str, answer: TextIO | None, cause: str, bound: float, truth: bool | None) -> None:
+    from picktree.analysis import prove
+
+    with StatusLine() as line:
+        proof = prove(
+            log,
+            cause=cause,
+            truth=truth,
+            bound=bound,
+            forecast=lambda costs: print(f"proof: {costs.to_text()}", file=sys.stderr),
+            progress=lambda number, now: line.say(f"continuation {number}: {now:.1f} s"),
+        )
+    print_answer(answer, proof.to_text, proof.to_json_text)
 
 
 def _explain_runs(folder: Path, answer: TextIO | None, truth: bool | None) -> None:

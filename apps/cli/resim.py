@@ -36,6 +36,13 @@ def whatif(
         ),
     ] = None,
     no_faults: Annotated[bool, typer.Option("--no-faults", help="Resume without faults.")] = False,
+    nominal: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="PART",
+            help="Part that no fault affects, such as gripper, 'joint NAME', 'camera NAME' or 'mass ITEM'.",
+        ),
+    ] = None,
     noise: Annotated[
         int | None,
         typer.Option(min=1, help="Other sensor noise and planner seeds from TICK on: the variant's number."),
@@ -56,7 +63,8 @@ def whatif(
         raise PicktreeError("--faults and --no-faults exclude each other")
     from picktree.analysis import RunChanges, what_if
 
-    changes = RunChanges(mission, None, settings, faults, no_faults, variant=noise)
+    parts = tuple(nominal or ())
+    changes = RunChanges(mission, None, settings, faults, no_faults, nominal=parts, variant=noise)
     from .progress import run_display
 
     with run_display() as view:

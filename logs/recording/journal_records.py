@@ -136,6 +136,7 @@ def run_metadata(run: log_records.RunInfo) -> dict[str, str]:
         **({} if run.limit is None else {"limit": repr(run.limit)}),
         "own_scene": str(run.own_scene).lower(),
         **({"variant": run.variant.words()} if run.variant else {}),
+        **({"nominal": "\n".join(run.nominal)} if run.nominal else {}),
     }
 
 

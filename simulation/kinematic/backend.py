@@ -227,6 +227,9 @@ class KinematicHardware:
         entry = body.entry if mass is None else replace(body.entry, mass=mass)
         self.bodies.put(replace(body, entry=entry, friction=body.friction if friction is None else friction))
 
+    def friction_of(self, item: str) -> float:
+        return self._body(item).friction
+
     def bump(self, item: str, velocity: Vector3, spin: Vector3 = (0.0, 0.0, 0.0)) -> None:
         """Carry out a fault: the item slides from `velocity`, m/s, until friction has stopped it. A held item
         stays."""

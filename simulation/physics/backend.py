@@ -327,6 +327,9 @@ class PhysicsHardware:
         """Carry out a fault: change the item's friction, or its mass in kg, for good."""
         self._items.change_dynamics(item, friction, mass)
 
+    def friction_of(self, item: str) -> float:
+        return self._items.friction_of(item)
+
     def bump(self, item: str, velocity: Vector3, spin: Vector3 = (0.0, 0.0, 0.0)) -> None:
         """Carry out a fault: set the item's velocity, m/s, and spin, rad/s, in the world."""
         self._items.bump(item, velocity, spin)

@@ -478,6 +478,11 @@ class PhysicsItems:
         self._ledger.append(change)
         self.sleepers.wake_all()
 
+    def friction_of(self, item: str) -> float:
+        """Return the item's present coefficient of friction."""
+        name = self._item_id(item)
+        return self._slippery.get(name, self._own_friction(name))
+
     def lubricate(self, item: str, friction: float | None, *, again: bool = False) -> None:
         """Carry out a fault: set the item's friction; None: its own again. `again`: it had that friction
         already when the checkpoint was taken."""

@@ -12,6 +12,7 @@ from picktree.analysis.whatif import Continuation
 from picktree.files import PicktreeError
 from picktree.logs import RunResult
 from picktree.session import RunRequest, Session
+from picktree.world.event_types import FaultEvent
 
 MISSION = """\
 picktree: 1
@@ -133,6 +134,21 @@ def test_a_fault_that_is_switched_off_keeps_its_place(failed: RunResult, tmp_pat
     off.write_text(FAULTS.replace("{fault: bump,", "{fault: bump, off: true,"))
     found = what_if(failed.log, f"{failed.sim_seconds:.2f}s", changes=RunChanges(faults=off), out=tmp_path)
     assert (found.status, found.now.items_sorted) == ("success", 4)
+
+
+def test_a_part_is_nominal_whatever_the_faults_are(failed: RunResult, tmp_path: Path) -> None:
+    with Run(failed.log) as run:
+        bumped = next(at.record.item for at in run.events if isinstance(at.record, FaultEvent))
+    changes = RunChanges(nominal=(f"place {bumped}",))
+    found = what_if(failed.log, "130", changes=changes, out=tmp_path)
+    assert found.changes == (f"nominal: place {bumped}",)
+    assert (found.now.status, found.now.items_sorted, found.now.failures) == ("success", 4, {})
+    with Run(found.new_log) as run:
+        assert run.info.nominal == (f"place {bumped}",)
+    again = what_if(found.new_log, f"{failed.sim_seconds:.2f}s", out=tmp_path)
+    assert again.identical and again.exact
+    with pytest.raises(PicktreeError, match="there is no 'overhed'"):
+        what_if(failed.log, "130", changes=RunChanges(nominal=("camera overhed",)), out=tmp_path)
 
 
 def test_noise_and_planner_seeds_differ_from_the_asked_time_on(failed: RunResult, tmp_path: Path) -> None:
