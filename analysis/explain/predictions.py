@@ -161,7 +161,7 @@ PREDICTIONS: Final[tuple[Prediction, ...]] = (
         _seen_without_fault,
     ),
     Prediction(
-        ("camera.noisy", "camera.frozen"), "no item is gripped at once where such an image shows it",
+        ("camera.noisy",), "no item is gripped at once where such an image shows it",
         _gripped_as_seen,
     ),
     Prediction(("wrist.biased",), "the readings are not small while the bias lasts", _feels_nothing),
