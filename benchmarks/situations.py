@@ -5,6 +5,7 @@
     python benchmarks/situations.py --runs 40 --minutes 0      # explain and score what is there
     python benchmarks/situations.py --final --runs 450         # the figure, drawn once
     python benchmarks/situations.py --show 17                  # one situation: draw, label, account
+    python benchmarks/situations.py --minutes 0 --fit          # write the rates of confidence
 
 A situation is a mission, a scene, a robot, a backend and a seed, with up to three deviations: faults,
 changes of the scene, changes of the mission. Its run is made, and continued from the strike with and without
@@ -29,11 +30,12 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from _campaign import Row, blind, campaign, explaining, options, rate
+from _campaign import ROOT, Row, blind, campaign, explaining, options, rate
 from _situation_drawing import DEVELOPMENT, FINAL, drawn
 from _situation_labels import Experiment
 from _situation_score import SCORED, Verdict, judged, verdict_of
 from picktree.analysis.explain import explain, failure_fact, to_json_text
+from picktree.analysis.explain.confidence import kind_of
 from picktree.session import sources
 
 COSTS = {"physics": 28.0, "kinematic": 10.0}
@@ -110,7 +112,18 @@ def told(folder: Path, *, truth: bool = True) -> Row:
     with blind(folder) as run:
         rest = {} if truth else {"truth": False}
         found = json.loads(to_json_text(run, explain(run, faults=False, **rest)))
-    keys = ("cause", "title", "item", "ended_run", "reasons", "failures", "time", "confidence", "items")
+    keys = (
+        "cause",
+        "title",
+        "item",
+        "ended_run",
+        "reasons",
+        "failures",
+        "time",
+        "confidence",
+        "items",
+        "doubtful",
+    )
     facts = [failure_fact(each["cause"], each["id"], each["item"]) for each in found["failures"]]
     return {
         "status": found["outcome"]["status"],
@@ -224,6 +237,37 @@ def _worst(rows: Sequence[Row]) -> list[str]:
     return lines
 
 
+FIT = ROOT / "analysis" / "explain" / "confidence_fit.py"
+"""Module with the fitted rates."""
+
+
+def fit(rows: Iterable[Row]) -> Counter[tuple[str, bool, bool, bool]]:
+    """Return the number of judged root causes by kind, doubt, use of the ground truth, and rightness."""
+    found: Counter[tuple[str, bool, bool, bool]] = Counter()
+    for row in rows:
+        for key, account, truth in (("verdict", "account", True), ("blind_verdict", "blind_account", False)):
+            cause = judged(row, row[account]) if row[key] in SCORED else None
+            if cause is not None and not cause["confidence"].endswith("does not tell"):
+                found[kind_of(cause["cause"]), cause["doubtful"], truth, row[key] == "right"] += 1
+    return found
+
+
+def fit_module(found: Counter[tuple[str, bool, bool, bool]]) -> str:
+    """Return the source of the module with the fitted rates."""
+    keys = sorted({key[:3] for key in found})
+    head, _, tail = FIT.read_text(encoding="utf-8").partition("] = {")
+    cells = [
+        f"    {_literal(key)}: ({found[*key, True]}, {found[*key, True] + found[*key, False]}),\n"
+        for key in keys
+    ]
+    return f"{head}] = {{\n{''.join(cells)}{tail[tail.index('}') :]}"
+
+
+def _literal(key: tuple[str, bool, bool]) -> str:
+    kind, doubtful, truth = key
+    return f'("{kind}", {doubtful}, {truth})'
+
+
 def shown(row: Row) -> str:
     """Return a situation for a reader."""
     lines = [
@@ -256,7 +300,10 @@ def main() -> int:
         "--show", type=int, action="append", default=[], metavar="SEED", help="print a situation"
     )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the scored rows there")
+    parser.add_argument("--fit", action="store_true", help="write the rates of confidence into the package")
     given = parser.parse_args()
+    if given.fit and given.final:
+        parser.error("--fit takes development situations only")
     logs = given.out / "logs"
 
     def cost(job: Job) -> float:
@@ -268,6 +315,8 @@ def main() -> int:
     if given.json:
         given.json.parent.mkdir(parents=True, exist_ok=True)
         given.json.write_text(json.dumps(asked, ensure_ascii=False, indent=1))
+    if given.fit:
+        FIT.write_text(fit_module(fit(row for row in asked if row["verdict"] != "crash")), encoding="utf-8")
     chosen = [row for row in asked if row["seed"] in given.show]
     print("\n\n".join(map(shown, chosen)) if chosen else report(asked))
     return 0

@@ -142,22 +142,12 @@ def offset(seen: log_records.BodyRecord, true: log_records.BodyRecord) -> Vector
 
 @dataclass(frozen=True, slots=True)
 class DeviceState:
-    """Commands and noise-free readings of the simulated robot at one moment."""
+    """True state of the items at one moment, as far as no sample of their places has it."""
 
     time: float
-    wrench: tuple[float, ...]
-    """True force on the wrist in the world's axes and its torque, (6,); empty where it is not in the log."""
     masses: Mapping[str, float]
     """Masses of items that differ from the catalogue's, kg."""
     frictions: Mapping[str, float]
     """Frictions of items that differ from the catalogue's for good."""
-    told_width: float
-    """Commanded opening of the fingers, m."""
-    told_force: float
-    """Commanded force of each finger, N; 0 where it is not in the log."""
-    learnt: Vector3
-    """Force that the robot takes for the wrist sensor's bias, in the world's axes, N."""
-    speed: float
-    """Speed of the fastest joint, rad/s."""
     motions: Mapping[str, tuple[Vector3, Vector3]]
     """Velocity (m/s) and spin (rad/s) of each item; empty without physics."""

@@ -15,7 +15,6 @@ from picktree.robot.manipulation import pick_candidates
 from picktree.world import Plain, event_types
 
 from .explanation import (
-    RATES,
     CandidateChoice,
     Explanation,
     FailureStory,
@@ -144,7 +143,8 @@ def cause_account(found: Explanation, cause: RootCause) -> str:
     failures = [found.failures[n] for n in cause.failures]
     status = found.outcome.status
     if cause.ended_run:
-        weight = "This cost the goal" if status == "incomplete" else "This ended the run"
+        ended = status != "incomplete" and (not cause.items or any(f.fate == "ended" for f in failures))
+        weight = "This ended the run" if ended else "This cost the goal"
     else:
         recovered = status in ("success", "incomplete")
         weight = "The run recovered from it" if recovered else "This cause did not end the run"
@@ -411,7 +411,7 @@ def to_json_text(run: Run, found: Explanation) -> str:
         "root_causes": [
             {
                 **_plain(cause),
-                "confidence_rate": RATES[cause.confidence],
+                "confidence_rate": cause.rate,
                 "account": cause_account(found, cause),
             }
             for cause in found.root_causes

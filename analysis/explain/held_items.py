@@ -11,8 +11,8 @@ from picktree.logs import log_records
 from picktree.world import GRAVITY, Array, event_types, extents, matches
 from picktree.world.scene import CatalogueEntry
 
+from .camera_causes import explain_displaced_camera
 from .case import Investigation
-from .device_causes import explain_displaced_camera
 from .explanation import (
     Confidence,
     FailureStory,
@@ -243,7 +243,7 @@ def _let_go(case: Investigation, failure: FailureStory, period: HeldPeriod) -> F
         return None
     if math.dist(hand, body.pose.position) > reach_of(body):
         return None
-    if (nature := _item_deviation(case, failure.item, period.true, time)) is not None:
+    if (nature := item_deviation(case, failure.item, period.true, time)) is not None:
         return nature
     load = number(failure, "load")
     felt = "" if load is None else f": the wrist felt {force(max(load, 0.0))} of its weight"
@@ -294,7 +294,7 @@ def explain_departure(case: Investigation, period: HeldPeriod) -> Finding | None
     )
     if not case.world.is_true:
         where = "" if case.gone(true) is None else "; it was not seen again"
-    found = _item_deviation(case, item, true, end) or _weak_grip(case, period)
+    found = item_deviation(case, item, true, end) or _weak_grip(case, period)
     if found is not None:
         reasons = (*found.reasons, departure, *until)
         return Finding(found.cause, found.about, found.title, reasons, item, start, found.confidence)
@@ -316,7 +316,7 @@ def explain_departure(case: Investigation, period: HeldPeriod) -> Finding | None
     return Finding("item.slipped", true, title, (departure, *well, *until), item, start, sure, against)
 
 
-def _item_deviation(case: Investigation, item: str, true: str, time: float) -> Finding | None:
+def item_deviation(case: Investigation, item: str, true: str, time: float) -> Finding | None:
     """Return the finding that the item's true mass or friction differs from the catalogue; else None."""
     entry = case.entry_of(true)
     state = next((s for s in reversed(case.devices) if s.time <= time + 0.25), None)
@@ -403,13 +403,13 @@ def explain_overweight(case: Investigation, failure: FailureStory) -> Finding | 
         return None
     if failure.cause.startswith("push."):  # what is pushed is not in the hand
         true = case.pairs.get(failure.item, "")
-        return _item_deviation(case, failure.item, true, failure.time) if true else None
+        return item_deviation(case, failure.item, true, failure.time) if true else None
     held = next((b for b in case.believed_at(failure.time - 1e-3) if b.attached), None)
     entry = None if held is None else case.entry(held.id)
     if held is None or entry is None or held.id in case.identities.phantoms:
         return None
     true = case.pairs.get(held.id, held.id)
-    nature = _item_deviation(case, held.id, true, failure.time)
+    nature = item_deviation(case, held.id, true, failure.time)
     if nature is not None and nature.cause == "item.heavy":
         return nature
     pull, down = _pull(failure)

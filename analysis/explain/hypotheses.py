@@ -19,9 +19,11 @@ from picktree.files import listed
 from picktree.logs import Stamped
 from picktree.world import event_types, world
 
+from .camera_causes import looks
 from .case import Investigation
-from .device_causes import device_findings
-from .explanation import ExplainedOutcome, Explanation, FailureStory, Finding, RootCause, seconds
+from .confidence import fitted_rate, stated
+from .device_causes import device_findings, devices_behind
+from .explanation import Confidence, ExplainedOutcome, Explanation, FailureStory, Finding, RootCause, seconds
 from .held_items import explain_drop, explain_overweight, held_periods, pressed_from_below
 from .item_causes import (
     explain_misjudged_place,
@@ -31,6 +33,7 @@ from .item_causes import (
     explain_wrong_size,
 )
 from .obstruction_causes import explain_contact, explain_obstruction
+from .predictions import refutations
 from .run_endings import (
     explain_missed_goal,
     explain_missing_grasp,
@@ -74,14 +77,8 @@ FailureDetector: TypeAlias = Callable[[Investigation, FailureStory], Finding | N
 
 def explain_device_fault(case: Investigation, failure: FailureStory) -> Finding | None:
     """Return the finding about a faulty device that covers the failure: sensor, joint, fingers or planner."""
-    return next(
-        (
-            found.finding
-            for found in case.once(device_findings)
-            if found.covers(failure, case.visit(failure).start)
-        ),
-        None,
-    )
+    devices = devices_behind(case, failure)
+    return min(devices, key=lambda found: len(refutations(case, failure, found)), default=None)
 
 
 def explain_push_from_below(case: Investigation, failure: FailureStory) -> Finding | None:
@@ -99,38 +96,33 @@ class Hypothesis:
     """Strength of its evidence. 3: the device itself, or the failure's message. 2: a measured property.
     1: a place or an event in the cell. 0: a contact with a body that is near."""
     must: str
-    """Records that the log then has."""
-    must_not: str = ""
-    """Records that the log then lacks; their presence is counter-evidence."""
+    """Records that the log then has: the test finds them. `PREDICTIONS` has what follows besides."""
 
 
 HYPOTHESES: Final[tuple[Hypothesis, ...]] = (
     Hypothesis(
         explain_device_fault, 3,
         "readings, set points or images that no working device gives, at the time of the failure",
-        "the same readings while the device does its work",
     ),
     Hypothesis(explain_left_in_tote, 3, "a search for grasps in a tote that found none"),
     Hypothesis(
         explain_mission_error, 3, "a cause of the tree: time-out, missing input, exception, no case"
     ),
-    Hypothesis(explain_missing_grasp, 3, "a place before any grasp", "a grasp that held the item"),
+    Hypothesis(explain_missing_grasp, 3, "a place before any grasp"),
     Hypothesis(explain_wrong_size, 2, "an opening or a true size that is not the kind's"),
     Hypothesis(explain_too_wide, 2, "no grasp candidate, and a width beyond the opening"),
     Hypothesis(
-        explain_overweight, 2, "a load on the wrist, or a true mass, beyond the kind's weight",
-        "a hold without slip under the same load",
+        explain_overweight, 2, "a load on the wrist, or a true mass, beyond the kind's weight"
     ),
     Hypothesis(
-        explain_missing_item, 2, "a sighting at a place without an item", "a grip or a load on the wrist"
+        explain_missing_item, 2, "a sighting at a place without an item"
     ),
     Hypothesis(explain_push_from_below, 1, "a negative load with the item still between the fingers"),
     Hypothesis(
         explain_drop, 1, "fingers that close further, a load that goes, or an item that leaves the hand",
-        "the item still between the fingers",
     ),
     Hypothesis(
-        explain_wrong_place, 1, "an item beside its believed place, or nowhere", "a grip on the item"
+        explain_wrong_place, 1, "an item beside its believed place, or nowhere"
     ),
     Hypothesis(explain_wrong_bin, 1, "a placement into a bin that the scene's rules do not name"),
     Hypothesis(explain_obstruction, 1, "refused candidates or plans, with the bodies that they touch"),
@@ -139,7 +131,7 @@ HYPOTHESES: Final[tuple[Hypothesis, ...]] = (
     Hypothesis(explain_contact, 0, "a contact force, and the body next to the hand"),
 )  # fmt: skip
 """Hypotheses; of equal ones the first counts."""
-EVIDENCE_WEIGHT, SHARE_WEIGHT, AGAINST_WEIGHT, DOUBT_WEIGHT = 1.0, 0.8, 0.4, 0.3
+EVIDENCE_WEIGHT, SHARE_WEIGHT, AGAINST_WEIGHT, DOUBT_WEIGHT = 1.0, 0.8, 0.7, 0.3
 """Weights: of a step of evidence, of the share of failures that are explained, of a piece of
 counter-evidence, and of a doubtful finding."""
 MIN_MARGIN = 0.25
@@ -150,7 +142,7 @@ def _ranked(case: Investigation) -> Mapping[int, Finding]:
     """Return the best finding for each failure, with its rival as counter-evidence."""
     found: dict[int, list[tuple[float, Finding]]] = {}
     for failure in case.failures:
-        answers = ((each.evidence, each.explain(case, failure)) for each in HYPOTHESES)
+        answers = ((each.evidence, _tested(case, failure, each)) for each in HYPOTHESES)
         found[failure.number] = [
             (_strength(evidence, answer), answer) for evidence, answer in answers if answer is not None
         ]
@@ -165,6 +157,16 @@ def _ranked(case: Investigation) -> Mapping[int, Finding]:
         if scored:
             best[number] = _with_rival(scored)
     return best
+
+
+def _tested(case: Investigation, failure: FailureStory, hypothesis: Hypothesis) -> Finding | None:
+    """Return the finding with the records that contradict its predictions; None without a finding."""
+    found = hypothesis.explain(case, failure)
+    against = () if found is None else refutations(case, failure, found)
+    if found is None or not against:
+        return found
+    sure: Confidence = "possible" if found.confidence == "likely" else found.confidence
+    return replace(found, against=(*found.against, *against), confidence=sure)
 
 
 def _key(finding: Finding) -> tuple[str, str]:
@@ -237,7 +239,7 @@ def root_causes_of(
     if ending is not None:
         group(ending)
     costs = _costs(case, by_failure)
-    roots = [_root(case, each, outcome, planted, costs) for each in groups.values()]
+    roots = [_fitted(case, _root(case, each, outcome, planted, costs, ending)) for each in groups.values()]
     spent = sum(root.seconds_lost for root in roots)
     to_blame = outcome.status == "timeout" and spent > MIN_SHARE * outcome.end
     roots.sort(key=lambda root: _order(root, ended_late=to_blame))
@@ -278,16 +280,9 @@ def _lost_before(case: Investigation, earlier: Explanation) -> dict[str, Finding
             touched = any(f.item == item for f in case.failures)
             if not touched and placed_at(case, case.pairs.get(item, "")) is None:
                 reasons = (f"this log begins later, at {seconds(begins)}", *root.reasons)
-                found[item] = Finding(
-                    root.cause,
-                    root.item,
-                    root.title,
-                    reasons,
-                    root.item,
-                    root.time,
-                    root.confidence,
-                    root.against,
-                )
+                sure: Confidence = "possible" if root.doubtful else "likely"
+                where = (root.cause, root.item, root.title, reasons, root.item, root.time)
+                found[item] = Finding(*where, sure, root.against)
     return found
 
 
@@ -323,12 +318,12 @@ def _failure_message_finding(case: Investigation, failure: FailureStory) -> Find
             f"the belief had {known}",
             f'a key of the blackboard needs braces, as "{{{failure.item}}}"',
         )
-        return Finding(failure.cause, about, title, reasons, failure.item, failure.time)
+        return failure.finding(failure.cause, about, title, reasons)
     message = failure.message or failure.sentence
     of = f" of {failure.item}" if failure.item and failure.item not in message else ""
     title = f"{failure.name}{of} failed: {message}"
     reasons = ("nothing else in the log shows the cause",)
-    return Finding(failure.cause, about, title, reasons, failure.item, failure.time, "the log does not tell")
+    return failure.finding(failure.cause, about, title, reasons, "the log does not tell")
 
 
 def _unsorted(case: Investigation, outcome: ExplainedOutcome) -> list[str]:
@@ -400,11 +395,14 @@ def _why_crushed(
 
 
 def _unseen(case: Investigation, answer: Finding) -> Finding:
-    """Return the finding about a faulty camera that has not shown an item, or else the given finding."""
-    cameras = (
-        found.finding for found in case.once(device_findings) if found.finding.cause.startswith("camera.")
-    )
-    return next(cameras, answer)
+    """Return the finding about a camera that was faulty at each look and so has not shown an item, or else
+    the given finding."""
+    for found in case.once(device_findings):
+        shots = [shot.time for shot in case.once(looks) if shot.record.camera in found.about]
+        faulty = (any(start - 1e-6 <= time <= end for start, end in found.spans) for time in shots)
+        if found.cause.startswith("camera.") and all(faulty):
+            return found
+    return answer
 
 
 def _costs(case: Investigation, by_failure: Mapping[int, Finding]) -> Mapping[tuple[str, str], float]:
@@ -424,14 +422,14 @@ def _root(
     outcome: ExplainedOutcome,
     planted: Sequence[Stamped[event_types.FaultEvent]],
     costs: Mapping[tuple[str, str], float],
+    ending: Finding | None,
 ) -> RootCause:
     first = group.findings[0]
-    ended = (
-        first.cause in RUN_CAUSES
-        or first.cause == "run.limit"
-        or any(f.fate == "ended" for f in group.failures)
+    at_the_end = ending is not None and _key(ending) == _key(first)
+    ended = at_the_end or any(f.fate == "ended" for f in group.failures)
+    missed = outcome.status in ("incomplete", "failure") and (
+        bool(group.items) or first.cause.startswith("goal.")
     )
-    missed = outcome.status == "incomplete" and (bool(group.items) or first.cause.startswith("goal."))
     alike = [f for f in group.findings if f.item and f.item != first.item and f.item not in first.title]
     others = list(dict.fromkeys(f.item for f in alike))
     broken = (explain_crushed_item(case, true) for true in group.items if first.cause != "item.crushed")
@@ -452,6 +450,15 @@ def _root(
         items=tuple(case.name_of(true) for true in group.items),
         about=first.about,
     )
+
+
+def _fitted(case: Investigation, root: RootCause) -> RootCause:
+    """Return the root cause with the confidence that development situations give such causes."""
+    if root.confidence == "the log does not tell":
+        return root
+    doubtful = root.confidence != "likely"
+    rate = fitted_rate(root.cause, doubtful=doubtful, truth=case.world.is_true)
+    return replace(root, confidence=stated(rate), doubtful=doubtful, rate=rate)
 
 
 CAUSES_BY_FAULT: Final[Mapping[str, tuple[str, ...]]] = {
@@ -494,13 +501,14 @@ def _injected_faults(
     ]
 
 
-def _order(root: RootCause, *, ended_late: bool) -> tuple[bool, bool, bool, int, float, float]:
+def _order(root: RootCause, *, ended_late: bool) -> tuple[bool, bool, bool, bool, int, float, float]:
     """Return the sort key of a root cause. `ended_late`: failures made the run reach its time limit."""
     limit = root.cause == "run.limit"
     return (
         root.cause not in RUN_CAUSES and not (limit and not ended_late),
         limit,
         not root.ended_run,
+        root.confidence == "the log does not tell",
         -len(root.items),
         -root.seconds_lost,
         root.time or 0.0,

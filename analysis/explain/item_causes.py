@@ -8,14 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from picktree.logs import ImageEvent, log_records
+from picktree.robot.perception import depth_noise
 from picktree.world import Pose, Shape, convex_hull, corners, event_types, extents
 from picktree.world.scene import CameraDescription
 
 from .body_tracks import horizontal_distance
+from .camera_causes import explain_displaced_camera, looks
 from .case import Investigation
-from .device_causes import explain_displaced_camera
 from .explanation import FailureStory, Finding, between, counted, distance, force, number, place, seconds
-from .held_items import grip_within, held_periods
+from .held_items import grip_within, held_periods, item_deviation
 from .seen_world import EMPTY_WIDTH
 
 MIN_MOVE = 0.015
@@ -32,7 +33,6 @@ CARRIED_WAY, CARRIED_RANGE = 0.06, 0.07
 """Least motion of an item that the arm carried off, and its greatest distance from the hand then, m."""
 LOSS_MARGIN = 0.6
 """Time around a loss from the hand in which the item's motion is its fall, s."""
-ABSENCE_TEXT = "the robot's belief does not contain it any more"
 SAMPLE_TIME = 0.1
 """Interval between two samples of the hand's position, s."""
 SEEK_FAILURES = frozenset(
@@ -82,13 +82,17 @@ def _taken(case: Investigation, failure: FailureStory, true: str, reached: float
     if not case.world.is_true and any(left[0] > gone[0] for left in lost):
         return None  # it left the hand after it was last seen
     was = case.belief.at(item, gone[0])
-    held = was is not None and was.attached
-    last = case.bodies.tracks[true].bodies[-1].pose.position
-    title = f"{item} was taken {'out of the hand' if held else 'away'} {between(*gone)}: {ABSENCE_TEXT}"
-    reasons = [f"the log has its true place until {seconds(gone[0])} ({place(last)}), and not after that"]
-    reasons += _felt_nothing(failure)
-    reasons += _seen_empty(case, item, gone[0])
-    return Finding("item.gone", true, title, tuple(reasons), item, gone[0])
+    how = "out of the hand" if was is not None and was.attached else "away"
+    return taken_item(case, true, item, how, *_felt_nothing(failure), *_seen_empty(case, item, gone[0]))
+
+
+def taken_item(case: Investigation, true: str, item: str, how: str, *reasons: str) -> Finding:
+    """Return the finding about an item that vanished, with further reasons. `how`: a phrase after "taken"."""
+    start, end = case.gone(true) or (case.end, case.end)
+    last = case.bodies.tracks[true].last.pose.position
+    until = f"the log has its true place until {seconds(start)} ({place(last)}), and not after that"
+    title = f"{item} was taken {how} {between(start, end)}: the robot's belief does not contain it any more"
+    return Finding("item.gone", true, title, (until, *reasons), item, start)
 
 
 def _moved(
@@ -109,6 +113,10 @@ def _moved(
     if moving is None or now is None or horizontal_distance(now, believed) < MIN_ERROR:
         return None
     pushed, evidence = moved_by_arm(case, true, moving)
+    hand, nature = case.hand(moving.end), item_deviation(case, item, true, moving.end)
+    near = hand is not None and math.dist(hand, now.pose.position) < PUSH_RANGE
+    if near and nature is not None and nature.cause == "item.slippery":
+        return nature  # it slid away from the fingers
     verb = "the arm pushed it" if pushed else "it had moved"
     title = (
         f"{item} was not where it was believed to be: {verb} by {distance(moving.way)} "
@@ -249,9 +257,28 @@ def explain_never_seen(case: Investigation, true: str) -> Finding:
     if not looks:
         title = "the mission never looks: no camera took an image, and no item is known"
         return Finding("mission.no_look", "", title, (), "", 0.0)
+    low, high = extents(body.shape, body.pose.rotation())
+    if (noisy := noisy_camera(case, case.name_of(true), float(high[2] - low[2]))) is not None:
+        return noisy
     title = f"{case.name_of(true)} was never seen: it lies at {place(body.pose.position)}"
     reasons = (*(views or hidden), f"the robot looked {counted(looks, 'time')}")
     return Finding("item.never_seen", true, title, reasons, true, None)
+
+
+def noisy_camera(case: Investigation, item: str, height: float) -> Finding | None:
+    """Return the finding that an item of that height, m, drowns in the noise of a fixed camera; else None."""
+    for shot in case.once(looks):
+        scatter, _ = depth_noise(shot.record.depth)
+        if scatter > NOISE_SHARE * height:
+            name = shot.record.camera
+            title = f"the camera {name} is too noisy: its depth scatters by {distance(scatter)}"
+            reasons = (f"{item or 'the lowest item'} is {distance(height)} high, and was never seen",)
+            return Finding("camera.noisy", name, title, reasons, item, shot.time)
+    return None
+
+
+NOISE_SHARE = 0.3
+"""Share of an item's height above which noise of the depth hides the item."""
 
 
 def in_picture(camera: CameraDescription, body: log_records.BodyRecord) -> bool:
@@ -299,7 +326,7 @@ def explain_too_wide(case: Investigation, failure: FailureStory) -> Finding | No
         return None
     title = f"{failure.item} is too wide for the hand: {1000 * width:.0f} mm at its narrowest"
     reasons = (f"the fingers were {1000 * most:.0f} mm open at most", "no grasp fits its width")
-    return Finding("item.too_wide", failure.item, title, reasons, failure.item, failure.time)
+    return failure.finding("item.too_wide", failure.item, title, reasons)
 
 
 def _least_width(shape: Shape, pose: Pose) -> float:
@@ -313,8 +340,7 @@ def explain_wrong_size(case: Investigation, failure: FailureStory) -> Finding | 
     """Return the finding that the item, or one in the way of its grasp, differs in size from its kind."""
     if failure.cause.startswith(SIZE_INDEPENDENT_CAUSES):
         return None
-    touched = [by.split("/")[0] for choice in failure.choices for r in choice.rejections if (by := r.by)]
-    for item in (failure.item, *dict.fromkeys(touched)):
+    for item in (failure.item, *_touched(failure)):
         true = case.pairs.get(item)
         if true is None:
             continue
@@ -353,42 +379,37 @@ def explain_missing_item(case: Investigation, failure: FailureStory) -> Finding 
     phantoms = case.identities.phantoms
     if failure.cause.startswith(SIZE_INDEPENDENT_CAUSES):
         return None
-    touched = [by.split("/")[0] for choice in failure.choices for r in choice.rejections if (by := r.by)]
     held = [body.id for body in case.believed_at(failure.time) if body.attached]
-    item = next((name for name in (failure.item, *held, *touched) if name in phantoms), "")
+    item = next((name for name in (failure.item, *held, *_touched(failure)) if name in phantoms), "")
     if not item:
         return None
     seen = case.identities.by_item[item][0]
-    near = phantoms[item]
+    near, looked = phantoms[item], f"a {seen.seen.colour} {seen.seen.kind}"
+    cause, about = "perception.phantom", item
     if near:
         of = case.bodies.tracks[near].first
         names = [name for name in case.believed.get(near, ()) if name not in phantoms]
         known = f", as is {names[0]}" if names else ""
+        cause, about = "perception.twin", near
         title = (
             f"{item} does not exist: the camera saw it in a part of the {of.colour} {of.kind} ({near}){known}"
         )
-        reasons = (
-            f"at {seconds(seen.time)} the camera took this part for a {seen.seen.colour} {seen.seen.kind}",
-        )
-        return Finding("perception.twin", near, title, reasons, item, seen.time)
-    stands = case.obstacle_at(seen.seen)
-    if stands:
+        reason = f"at {seconds(seen.time)} the camera took this part for {looked}"
+    elif stands := case.obstacle_at(seen.seen):
         title = (
             f"{item} is not an item: {stands}, which the robot did not know, was taken for a {seen.seen.kind}"
         )
-        return Finding(
-            "perception.phantom",
-            item,
-            title,
-            (f"the camera saw it so at {seconds(seen.time)}",),
-            item,
-            seen.time,
-        )
-    title = f"{item} does not exist: nothing lies at {place(seen.seen.pose.position)}"
-    reasons = (
-        f"the camera took something for a {seen.seen.colour} {seen.seen.kind} at {seconds(seen.time)}",
-    )
-    return Finding("perception.phantom", item, title, reasons, item, seen.time)
+        reason = f"the camera saw it so at {seconds(seen.time)}"
+    else:
+        title = f"{item} does not exist: nothing lies at {place(seen.seen.pose.position)}"
+        reason = f"the camera took something for {looked} at {seconds(seen.time)}"
+    return Finding(cause, about, title, (reason,), item, seen.time)
+
+
+def _touched(failure: FailureStory) -> dict[str, None]:
+    """Return the bodies that the refused candidates of a failure would touch."""
+    refused = (rejection.by for choice in failure.choices for rejection in choice.rejections)
+    return dict.fromkeys(by.split("/")[0] for by in refused if by)
 
 
 def explain_late_arrival(case: Investigation, true: str) -> Finding | None:

@@ -32,7 +32,7 @@ from .explanation import (
     words,
 )
 from .held_items import pressed_from_below
-from .item_causes import displacement_since
+from .item_causes import MIN_ERROR, displacement_since, size_of
 
 STOP_FAILURES = frozenset(
     {"world.disturbed", "safety.force_limit", "safety.stop", "control.tracking", "control.timeout",
@@ -48,6 +48,8 @@ ITEM_RANGE = 0.08
 
 def explain_contact(case: Investigation, failure: FailureStory) -> Finding | None:
     """Return the finding about the body near the stopped hand; None when the cause is no contact."""
+    if (tool := case.once(_wrong_tool)) is not None and _stopped_from_below(failure):
+        return tool
     stopped = failure.cause in STOP_FAILURES or pressed_from_below(failure)
     if not stopped and not (failure.cause.startswith("safety.") and case.obstacles_near(failure.time)):
         return None
@@ -103,6 +105,37 @@ def explain_contact(case: Investigation, failure: FailureStory) -> Finding | Non
 
 MIN_UPWARD = 0.8
 """Vertical component of a contact's direction from which something below the hand was touched."""
+
+
+def _stopped_from_below(failure: FailureStory) -> bool:
+    """Whether a body below stopped the hand on its way down to an item."""
+    direction = numbers(failure, "direction") or numbers(failure, "force")
+    size = math.hypot(*direction)
+    upward = len(direction) == 3 and size > 0.0 and direction[2] / size > MIN_UPWARD
+    return failure.id == "Grasp" and failure.cause in STOP_FAILURES and upward
+
+
+def _wrong_tool(case: Investigation) -> Finding | None:
+    """Return the finding that the hand is not where the robot's model has it: items that were at their
+    believed places stopped it from below; else None."""
+    found: dict[str, FailureStory] = {}
+    for failure in case.failures:
+        believed, true = case.last_believed(failure), case.pairs.get(failure.item, "")
+        lies = case.bodies.at(true, case.visit(failure).start)
+        if believed is None or lies is None or not _stopped_from_below(failure):
+            continue
+        if horizontal_distance(believed, lies) < MIN_ERROR and 0.9 < size_of(case, true, failure.time) < 1.1:
+            found.setdefault(failure.item, failure)
+    if len(found) < MIN_ITEMS:
+        return None
+    first = next(iter(found.values()))
+    title = f"the hand is not where the robot's model has it: it met {listed(list(found), 3)} from above"
+    reasons = ("they have the size of their kind, and were where they were believed to be",)
+    return Finding("hand.off", "hand", title, reasons, "", first.time, "possible")
+
+
+MIN_ITEMS = 2
+"""Least number of items that a hand meets from above where the tool, and no item, is the cause."""
 
 
 def _under_the_hand(case: Investigation, failure: FailureStory, verb: str, time: float) -> Finding | None:
@@ -229,11 +262,11 @@ def explain_unreachable_bin(
         return full
     if unknown := obstacle_in(case, str(target.id), failure.time):
         title = f"{unknown}, a body that the robot did not know, is in or over {target.id}"
-        return Finding("scene.unknown_obstacle", unknown, title, reasons, failure.item, failure.time)
+        return failure.finding("scene.unknown_obstacle", unknown, title, reasons)
     over = fixture_above(case, target)
     if over:
         title = f"{over} is in the way over {target.id}: {failure.item} cannot be put there"
-        return Finding("scene.blocked", over, title, reasons, failure.item, failure.time)
+        return failure.finding("scene.blocked", over, title, reasons)
     arm = case.arm
     x, y, z = target.pose.position
     down = [
@@ -242,14 +275,14 @@ def explain_unreachable_bin(
     ]
     if arm is not None and not reachable(arm, down):
         title = f"the arm does not reach {target.id} from above: {failure.item} cannot go there"
-        return Finding("bin.out_of_reach", str(target.id), title, reasons, failure.item, failure.time)
+        return failure.finding("bin.out_of_reach", str(target.id), title, reasons)
     inside = [b.id for b in case.believed_at(failure.time) if b.place == target.id]
     if inside:
         title = f"{target.id} is too crowded for {failure.item}: the hand finds no place over it to let go"
         reasons = (*reasons, f"{target.id} contains {listed(inside, 5)}")
-        return Finding("bin.crowded", str(target.id), title, reasons, failure.item, failure.time)
+        return failure.finding("bin.crowded", str(target.id), title, reasons)
     title = f"{failure.item} cannot be let go over {target.id} without touching something"
-    return Finding("bin.hemmed_in", str(target.id), title, reasons, failure.item, failure.time)
+    return failure.finding("bin.hemmed_in", str(target.id), title, reasons)
 
 
 def explain_full_bin(
@@ -274,7 +307,7 @@ def explain_full_bin(
         *reasons,
         f"in it at {seconds(failure.time)}: {listed([b.id for b in inside], 8) or 'nothing'}",
     )
-    return Finding("bin.full", bin_id, title, evidence, failure.item, failure.time)
+    return failure.finding("bin.full", bin_id, title, evidence)
 
 
 def _object(body: log_records.BodyRecord) -> BeliefObject:
@@ -301,37 +334,39 @@ UNREACHABLE = "is out of reach or in collision"
 def explain_obstruction(case: Investigation, failure: FailureStory) -> Finding | None:
     """Return the finding about a failed plan or choice of grasps; None for other causes, or without
     evidence."""
+    item, message = failure.item, failure.message
     match failure.cause:
+        case "grasp.no_candidate" if held := word(failure, "held"):
+            title = f"the hand was not free for {item}: it still held {held}"
+            return failure.finding("grasp.hand_not_free", held, title)
         case "grasp.no_candidate":
-            return _held_another(failure) or _no_grasp(case, failure)
+            return _no_grasp(case, failure)
         case "place.full":
             bin_id = word(failure, "bin")
             if unknown := obstacle_in(case, bin_id, failure.time):
                 title = f"{unknown}, a body that the robot did not know, fills {bin_id}"
-                return Finding("scene.unknown_obstacle", unknown, title, (), failure.item, failure.time)
+                return failure.finding("scene.unknown_obstacle", unknown, title)
             return explain_full_bin(case, failure, bin_id)
-        case "perception.not_found" if (lies := _truly_at(case, failure)) is not None:
-            return explain_hidden(case, failure.item, lies, failure.time)
+        case "perception.not_found" if lies := case.bodies.at(case.pairs.get(item, ""), failure.time):
+            return explain_hidden(case, item, lies, failure.time)
         case "place.occupied":
             return _occupied(case, failure)
         case "planning.budget":
             return _budget(failure)
         case "planning.no_ik":
-            return _no_reach(failure)
-        case "planning.no_path" if failure.item and failure.evidence.get("joint"):
-            return _bent(failure)
+            title = f"{_doing(failure)} is out of the arm's reach: {message}"
+            cause = "bin.out_of_reach" if failure.id == "Place" else "item.out_of_reach"
+            return failure.finding(cause, item or failure.node, title)
+        case "planning.no_path" if item and failure.evidence.get("joint"):
+            joint = word(failure, "joint")
+            title = f"the arm cannot move straight down to {item}: {joint} is at its limit there"
+            return failure.finding("item.out_of_reach", item, title, (message,))
         case "feed.obstructed":
             return _under_arm(case, failure)
         case _ if failure.cause.startswith("planning."):
             return _touching(case, failure, _pairs(words(failure, "pairs")), ())
         case _:
             return None
-
-
-def _truly_at(case: Investigation, failure: FailureStory) -> log_records.BodyRecord | None:
-    """Return the failure's item as it lay at the failure; None when it was not there."""
-    true = case.pairs.get(failure.item)
-    return None if true is None else case.bodies.at(true, failure.time)
 
 
 def _under_arm(case: Investigation, failure: FailureStory) -> Finding | None:
@@ -348,14 +383,6 @@ def _under_arm(case: Investigation, failure: FailureStory) -> Finding | None:
     reason = f"at {seconds(failure.time)} it was {max(0.0, 1000.0 * height):.0f} mm above the rim"
     title = f"the arm stayed over {bin_.id}, which is exchanged when nothing is over it"
     return Finding("bin.under_arm", str(bin_.id), title, (reason,), "", failure.time)
-
-
-def _held_another(failure: FailureStory) -> Finding | None:
-    held = word(failure, "held")
-    if not held:
-        return None
-    title = f"the hand was not free for {failure.item}: it still held {held}"
-    return Finding("grasp.hand_not_free", held, title, (), failure.item, failure.time)
 
 
 def _no_grasp(case: Investigation, failure: FailureStory) -> Finding | None:
@@ -395,21 +422,16 @@ def _touching(
     case: Investigation, failure: FailureStory, touched: Counter[str], reasons: tuple[str, ...]
 ) -> Finding | None:
     """Return the finding by the kind of the body that would be touched: fixture, obstacle, neighbour, bin."""
-    if not touched:
-        return None
-    fixtures, bins = case.fixtures, case.bins
     reasons = reasons or (failure.message,)
     about = failure.item or failure.name
     most = [name for name, _ in touched.most_common()]
-    for name in most:
-        if name in fixtures:
-            title = f"{name} is in the way of {_doing(failure)}"
-            return Finding("scene.blocked", name, title, reasons, failure.item, failure.time)
     tracks = case.belief.tracks
-    obstacles = [name for name in most if name in tracks and tracks[name].first.role == "obstacle"]
-    if obstacles:
-        title = f"something unknown ({obstacles[0]}) is seen in the way of {_doing(failure)}"
-        return Finding("scene.unknown_obstacle", obstacles[0], title, reasons, failure.item, failure.time)
+    if fixed := [name for name in most if name in case.fixtures]:
+        title = f"{fixed[0]} is in the way of {_doing(failure)}"
+        return failure.finding("scene.blocked", fixed[0], title, reasons)
+    if unknown := [name for name in most if name in tracks and tracks[name].first.role == "obstacle"]:
+        title = f"something unknown ({unknown[0]}) is seen in the way of {_doing(failure)}"
+        return failure.finding("scene.unknown_obstacle", unknown[0], title, reasons)
     neighbours = [name for name in most if name in tracks and name != failure.item]
     if neighbours and failure.cause == "planning.start_in_collision":
         # The hand may just have let go of something there: where that lies is a guess.
@@ -418,14 +440,14 @@ def _touching(
         return Finding("item.crowded", "hand", title, reasons, neighbours[0], failure.time)
     if neighbours:
         title = f"{about} lies too close to {listed(neighbours, 3)}: there is no room for the hand"
-        return Finding("item.crowded", "", title, reasons, failure.item, failure.time)
-    walls = [name for name in most if name in bins]
-    if walls:
+        return failure.finding("item.crowded", "", title, reasons)
+    if walls := [name for name in most if name in case.bins]:
         title = f"{about} lies too close to {walls[0]}: its walls are in the way of the hand"
-        return Finding("item.beside_bin", about, title, reasons, failure.item, failure.time)
+        return failure.finding("item.beside_bin", about, title, reasons)
     if "table" in most:
-        title = f"the table is in the way of {_doing(failure)}"
-        return Finding("scene.blocked", "table", title, reasons, failure.item, failure.time)
+        return failure.finding(
+            "scene.blocked", "table", f"the table is in the way of {_doing(failure)}", reasons
+        )
     return None
 
 
@@ -446,35 +468,24 @@ def _far(
 ) -> Finding | None:
     """Return the finding about a grasp that the arm cannot reach. `hindered`: contacts of the arm, by
     body."""
-    lies = case.last_believed(failure)
+    item, lies = failure.item, case.last_believed(failure)
     where = f" at {place(lies.pose.position)}" if lies else ""
     refused = f"{far} of {total} grasps were out of reach or in collision"
-    poses = _grasp_poses(case, choice)
-    arm = case.arm
+    poses, arm = _grasp_poses(case, choice), case.arm
     if arm is not None and poses and not reachable(arm, poses):
-        title = f"{failure.item} lies{where}, where the arm does not reach it from above"
-        reasons = (
-            refused,
-            "for "
-            f"{counted(min(len(poses), 12), 'of them that was tried', 'of them that were tried')} the arm "
-            "has no configuration, even without collisions",
-        )
-        return Finding("item.out_of_reach", failure.item, title, reasons, failure.item, failure.time)
+        title = f"{item} lies{where}, where the arm does not reach it from above"
+        tried = counted(min(len(poses), 12), "of them that was tried", "of them that were tried")
+        reasons = (refused, f"for {tried} the arm has no configuration, even without collisions")
+        return failure.finding("item.out_of_reach", item, title, reasons)
     reasons = tuple(f"in {n} of {total} grasps the arm would touch {by}" for by, n in hindered.most_common(3))
     fixed = [name for name, _ in hindered.most_common() if name in case.fixtures]
+    if not fixed and lies and (fixed := fixtures_around(case, lies)):
+        reasons = (refused, f"the arm could reach {item}{where} without the bodies around it")
     if fixed:
-        title = f"{fixed[0]} is in the way of the arm at {failure.item}"
-        return Finding("scene.blocked", fixed[0], title, reasons, failure.item, failure.time)
-    near = fixtures_around(case, lies) if lies else []
-    if near:
-        title = f"{near[0]} is in the way of the arm at {failure.item}"
-        reasons = (
-            refused,
-            f"the arm could reach {failure.item}{where} without the bodies around it",
-        )
-        return Finding("scene.blocked", near[0], title, reasons, failure.item, failure.time)
-    title = f"the arm cannot get to {failure.item}{where} without touching something"
-    return Finding("item.hemmed_in", failure.item, title, (refused, *reasons), failure.item, failure.time)
+        title = f"{fixed[0]} is in the way of the arm at {item}"
+        return failure.finding("scene.blocked", fixed[0], title, reasons)
+    title = f"the arm cannot get to {item}{where} without touching something"
+    return failure.finding("item.hemmed_in", item, title, (refused, *reasons))
 
 
 def _grasp_poses(case: Investigation, choice: CandidateChoice) -> list[Pose]:
@@ -489,10 +500,16 @@ def _grasp_poses(case: Investigation, choice: CandidateChoice) -> list[Pose]:
 
 
 def _occupied(case: Investigation, failure: FailureStory) -> Finding | None:
-    by = word(failure, "by")
+    by, at = word(failure, "by"), case.ports(failure.node).get("at", "")
+    lies = case.last_believed(failure)
+    belongs = "" if lies is None else case.destination(lies)
+    if at and belongs in case.bins:
+        title = f"the mission puts {failure.item} down at {at}, and it belongs into {belongs}"
+        reasons = (f"{failure.node} has at: {at}", f"{by or 'something'} stands there already")
+        return failure.finding("mission.put_elsewhere", failure.node, title, reasons)
     cause = "scene.blocked" if by in case.fixtures else "place.occupied"
     title = f"{by or 'something'} stands where {failure.item} should go"
-    return Finding(cause, by or failure.node, title, (), failure.item, failure.time)
+    return failure.finding(cause, by or failure.node, title)
 
 
 def _budget(failure: FailureStory) -> Finding:
@@ -503,22 +520,7 @@ def _budget(failure: FailureStory) -> Finding:
         f"{used} collision checks were spent; they did not show whether the way is free",
         "the straight way was not free, so a way round had to be searched for",
     )
-    return Finding("planner.budget", failure.node, title, reasons, failure.item, failure.time)
-
-
-def _no_reach(failure: FailureStory) -> Finding:
-    about = failure.item or failure.node
-    title = f"{_doing(failure)} is out of the arm's reach: {failure.message}"
-    cause = "bin.out_of_reach" if failure.id == "Place" else "item.out_of_reach"
-    return Finding(cause, about, title, (), failure.item, failure.time)
-
-
-def _bent(failure: FailureStory) -> Finding:
-    """Return the finding about a joint limit, or a singularity, on the straight line to an item."""
-    title = (
-        f"the arm cannot move straight down to {failure.item}: {word(failure, 'joint')} is at its limit there"
-    )
-    return Finding("item.out_of_reach", failure.item, title, (failure.message,), failure.item, failure.time)
+    return failure.finding("planner.budget", failure.node, title, reasons)
 
 
 def _pairs(pairs: Sequence[str]) -> Counter[str]:

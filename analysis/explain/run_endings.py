@@ -9,11 +9,13 @@ import numpy as np
 from picktree.files import PicktreeError, listed
 from picktree.files.yaml import read
 from picktree.logs import ImageEvent, node_visits
-from picktree.world import event_types
+from picktree.world import event_types, extents
+from picktree.world.scene import CatalogueEntry
 
 from .case import Investigation
 from .explanation import ExplainedOutcome, FailureStory, Finding, counted, number, seconds, word
 from .held_items import held_periods
+from .item_causes import noisy_camera
 from .unsorted_items import skip_condition
 
 
@@ -25,28 +27,28 @@ def explain_run_end(case: Investigation, outcome: ExplainedOutcome) -> Finding |
             hung = next((found for v in _leaves(case, running) if (found := explain_hang(case, v))), None)
             title = f"the run was ended at its limit of simulated time, {seconds(outcome.end)}"
             return hung or Finding("run.limit", "", title, _under_way(case), "", outcome.end)
-        case "interrupted":
-            return Finding(
-                "run.interrupted", "", "the run was interrupted by hand", _under_way(case), "", outcome.end
-            )
-        case "stopped":
-            title = "the robot's own side ended the run"
-            return Finding("run.stopped", "", title, _under_way(case), "", outcome.end)
         case "paused":
             title = "help was wanted, and nobody was there to answer"
             return Finding("run.paused", "", title, _pending_question(case), "", outcome.end)
-        case "running":
-            title = "the run is still in progress: its log is being written"
-            return Finding("run.going_on", "", title, _under_way(case), "", outcome.end)
-        case "killed":
-            title = "the process that ran it was killed: its log has no end"
-            return Finding("run.killed", "", title, (*_under_way(case), *_recovered(case)), "", outcome.end)
         case "crashed":
             return Finding("run.crashed", "", outcome.sentence, _recovered(case), "", outcome.end)
         case "failure":
             return _condition(case)
+        case status if status in ENDINGS:
+            cause, title = ENDINGS[status]
+            reasons = (*_under_way(case), *_recovered(case))
+            return Finding(cause, "", title, reasons, "", outcome.end)
         case _:
             return None
+
+
+ENDINGS = {
+    "interrupted": ("run.interrupted", "the run was interrupted by hand"),
+    "stopped": ("run.stopped", "the robot's own side ended the run"),
+    "running": ("run.going_on", "the run is still in progress: its log is being written"),
+    "killed": ("run.killed", "the process that ran it was killed: its log has no end"),
+}
+"""Cause and title of the ends that no node decided, by the status of the outcome."""
 
 
 def goal_of(case: Investigation) -> str:
@@ -85,11 +87,19 @@ def explain_nothing_seen(case: Investigation) -> Finding | None:
     if not case.events(ImageEvent):
         title = "the mission never looks: no camera took an image, and no item is known"
         return Finding("mission.no_look", "", title, (), "", 0.0)
+    lowest = min((_height(entry) for entry in case.scene.catalogue), default=0.0) if case.scene else 0.0
+    if lowest and (noisy := noisy_camera(case, "", lowest)) is not None:
+        return noisy
     covers = next(iter(case.obstacles.tracks.values()), None)
     if covers is None:
         return None
     title = f"no item was seen: {covers.id}, a body that the robot did not know, covers a part of the view"
     return Finding("scene.unknown_obstacle", covers.id, title, (), "", covers.times[0], "possible")
+
+
+def _height(entry: CatalogueEntry) -> float:
+    low, high = extents(entry.shape, np.eye(3))
+    return float((high - low).min())
 
 
 def explain_mission_error(case: Investigation, failure: FailureStory) -> Finding | None:
@@ -99,15 +109,13 @@ def explain_mission_error(case: Investigation, failure: FailureStory) -> Finding
             return _timeout(case, failure)
         case "tree.missing_input":
             title = f"{failure.name} had no value to work with: {failure.message}"
-            return Finding("tree.missing_input", failure.node, title, (), failure.item, failure.time)
+            return failure.finding("tree.missing_input", failure.node, title)
         case "tree.no_case":
             title = f"{failure.name} has no case for this value: {failure.message}"
-            return Finding("tree.no_case", failure.node, title, (), failure.item, failure.time)
+            return failure.finding("tree.no_case", failure.node, title)
         case "internal.error":
             title = f"the code of {failure.id} has a fault of its own: {failure.message}"
-            return Finding(
-                "internal.error", failure.node, title, _end_of_trace(failure), failure.item, failure.time
-            )
+            return failure.finding("internal.error", failure.node, title, _end_of_trace(failure))
         case _:
             return None
 
@@ -135,8 +143,8 @@ def explain_missing_grasp(case: Investigation, failure: FailureStory) -> Finding
         if not any(v.end <= failure.time for v in grasps)
         else "no grasp had held the item"
     )
-    return Finding("mission.order", failure.node, title, (f"{before} before {seconds(failure.time)}",),
-                   failure.item, failure.time)  # fmt: skip
+    reasons = (f"{before} before {seconds(failure.time)}",)
+    return failure.finding("mission.order", failure.node, title, reasons)
 
 
 def _under_way(case: Investigation) -> tuple[str, ...]:
@@ -262,14 +270,14 @@ def _timeout(case: Investigation, failure: FailureStory) -> Finding:
     if at_work and not within:
         done = counted(len(at_work), "item")
         title = f"the mission stops {name} after {limit}, as {visit.name} says: {done} had been done by then"
-        return Finding("mission.time_is_up", visit.path, title, tuple(reasons), failure.item, failure.time)
+        return failure.finding("mission.time_is_up", visit.path, title, tuple(reasons))
     done = [v.duration for v in case.family.visits if v.path == path and v.outcome == "SUCCESS"]
     if done:
         reasons.append(f"where it succeeded it took {median(done):.1f} s ({counted(len(done), 'time')})")
     title = f"{name} was given {limit}, and needs longer"
     if done and allowed is not None and median(done) < allowed / 2:
         title = f"{name} was stopped after {limit}, and takes {median(done):.1f} s where it succeeds"
-    return Finding("tree.timeout", visit.path, title, tuple(reasons), failure.item, failure.time)
+    return failure.finding("tree.timeout", visit.path, title, tuple(reasons))
 
 
 def explain_unacknowledged_stop(case: Investigation, failure: FailureStory) -> Finding | None:

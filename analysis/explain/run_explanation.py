@@ -586,35 +586,6 @@ def _doing(visits: Sequence[node_visits.Visit]) -> str:
 MAX_MOMENTS = 8
 MIN_SPACING = 0.6
 """Time between two moments below which they count as one, s."""
-HINTS = {
-    "run.going_on": "the last records of the log",
-    "item.gone": "the item vanishes from the truth, and the belief keeps it",
-    "item.moved": "truth and belief of the item diverge",
-    "item.pushed_by_arm": "the hand touches the item on its way",
-    "item.left_bin": "the item leaves the bin",
-    "item.slippery": "the wrist's load, the opening: the item slides out of the fingers",
-    "item.heavy": "the wrist's force while the hand lifts",
-    "item.out_of_reach": "the distance of the item from the arm's base",
-    "item.crowded": "the neighbours around the item",
-    "item.beside_bin": "the bin's wall beside the item",
-    "arm.hides_items": "the camera's picture, and the arm in it",
-    "heap.out_of_reach": "the things left in the tote, and the refused grasps",
-    "heap.empty": "the empty tote",
-    "bin.under_arm": "the arm over the bin",
-    "item.never_seen": "the camera's image, and the item's true place",
-    "camera.off": "truth and belief of any item: every item is off in the same direction",
-    "grasp.weak": "the fingers' force and the wrist's load while the hand lifts",
-    "scene.blocked": "the bodies between hand and item",
-    "bin.full": "the fill level of the bin",
-    "bin.crowded": "the items in the bin below the hand",
-    "planner.budget": "the start and the goal of the refused plan",
-    "tree.timeout": "the nodes that were still running",
-    "run.limit": "the nodes that were still running",
-    "run.killed": "the last records of the log",
-    "run.crashed": "the last records of the log",
-    "mission.wrong_bin": "the bin into which the item goes",
-    "place.beside": "the place where the item comes down",
-}
 
 
 def key_moments(
@@ -629,19 +600,14 @@ def key_moments(
 
     for cause in causes:
         first = failures[cause.failures[0]] if cause.failures else None
-        watch = HINTS.get(cause.cause, "")
-        title = f"{cause.item}: {watch}" if watch and cause.item else watch
         if cause.time is not None and cause.time > 0.0:
-            add(KeyMoment(cause.time, title or cause.title, first.number if first else None))
+            add(KeyMoment(cause.time, cause.title, first.number if first else None))
         if first is not None:
             add(KeyMoment(first.time, f"{first.name_and_item} fails: {first.cause}", first.number))
     for failure in failures:
         if failure.fate == "ended":
-            add(
-                KeyMoment(
-                    failure.time, f"the failure that ended the mission: {failure.cause}", failure.number
-                )
-            )
+            why = f"the failure that ended the mission: {failure.cause}"
+            add(KeyMoment(failure.time, why, failure.number))
     if outcome.status != "success" and causes:
         add(KeyMoment(outcome.end, "the end: truth and belief of everything"))
     return tuple(found)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from picktree.logs import Stamped, log_records, topics
 from picktree.logs.recording import fold_states, read_state
 from picktree.simulation import MAX_REST_SPEED, ItemScore, TrueBody, score
-from picktree.world import ObjectId, Pose, event_types, rotated, vector3
+from picktree.world import ObjectId, Pose, event_types
 
 from .body_tracks import BodyTracks, DeviceState
 from .explanation import ItemVerdict
@@ -58,7 +58,12 @@ class TrueWorld:
         moving = self._moving(case, scores)
         crushed = {at.record.object for at in case.events(event_types.CrushedEvent)}
         return {
-            (name := str(each.id)): _verdict(each, moving=name in moving, crushed=name in crushed)
+            (name := str(each.id)): _verdict(
+                each,
+                moving=name in moving,
+                crushed=name in crushed,
+                there=case.gone(name) is None,
+            )
             for each in scores
         }
 
@@ -94,11 +99,13 @@ def _true_body(case: Investigation, id_: str) -> TrueBody:
     )
 
 
-def _verdict(found: ItemScore, *, moving: bool, crushed: bool) -> ItemVerdict:
+def _verdict(found: ItemScore, *, moving: bool, crushed: bool, there: bool) -> ItemVerdict:
+    """Return the verdict; an item that moves, or was taken out of its hole, is left."""
+    left = moving or (found.verdict == "sorted" and not there)
     return ItemVerdict(
         str(found.destination or ""),
-        "" if moving else str(found.bin or ""),
-        "crushed" if crushed else "left" if moving else found.verdict,
+        "" if left else str(found.bin or ""),
+        "crushed" if crushed else "left" if left else found.verdict,
         None if found.seat is None else found.seat.depth,
         found.reason,
         moving,
@@ -146,19 +153,10 @@ def _pose(item: Mapping[str, Any]) -> Pose:
 def device_state(time: float, state: Mapping[str, Any]) -> DeviceState:
     """Return the part of a state that the explanation uses, without knowledge of injected faults."""
     changes = [*state.get("ledger", ()), *({"item": i["id"], **i} for i in state["items"] if "mass" in i)]
-    robot: Mapping[str, Any] = state.get("robot") or {}
-    grip: Mapping[str, Any] = state.get("gripper") or {"width": state.get("target", 0.0)}
-    bias = (*(state.get("wrist_bias") or ()), 0.0, 0.0, 0.0)[:3]
-    velocities: Sequence[float] = robot.get("velocity") or state.get("velocity") or ()
     return DeviceState(
         time=time,
-        wrench=tuple(robot.get("wrench", ())),
         masses={str(c["item"]): c["mass"] for c in changes if c.get("mass") is not None},
         frictions={str(c["item"]): c["friction"] for c in changes if c.get("friction") is not None},
-        told_width=grip["width"],
-        told_force=grip.get("force", 0.0) or 0.0,
-        learnt=rotated(robot.get("turn", (0.0, 0.0, 0.0, 1.0)), vector3(bias)),
-        speed=max((abs(v) for v in velocities), default=0.0),
         motions={
             str(i["id"]): (tuple(i["velocity"]), tuple(i["spin"])) for i in state["items"] if "velocity" in i
         },

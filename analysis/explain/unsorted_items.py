@@ -15,16 +15,16 @@ from picktree.logs import log_records
 from picktree.world import Pose, event_types, extents, grasp, heap_geometry
 from picktree.world.scene import Bin, destinations
 
+from .camera_causes import explain_hidden_by_arm
 from .case import Investigation
-from .device_causes import explain_hidden_by_arm
 from .explanation import FailureStory, Finding, between, counted, distance, place, seconds, times
 from .held_items import held_periods
 from .item_causes import (
-    ABSENCE_TEXT,
     displacement_since,
     explain_late_arrival,
     explain_never_seen,
     explain_unrecognised_size,
+    taken_item,
 )
 from .obstruction_causes import explain_hidden
 
@@ -285,20 +285,13 @@ def _gone_before_seen(case: Investigation, true: str) -> Finding | None:
 
 
 def _taken(case: Investigation, true: str, into: str) -> Finding | None:
-    gone = case.gone(true)
-    if gone is None:
+    if case.gone(true) is None:
         return None
     item = case.believed[true][-1]
-    where = f" out of {into}, where it had been placed" if into else ""
-    title = f"{item} was taken away{where}, {between(*gone)}: {ABSENCE_TEXT}"
-    last = case.bodies.tracks[true].bodies[-1].pose.position
-    reasons = (
-        f"the log has its true place until {seconds(gone[0])} ({place(last)}), and not after that",
-        "nothing failed: the robot still believed that it was there"
-        if not any(f.item == item for f in case.failures)
-        else "the robot believed otherwise",
-    )
-    return Finding("item.gone", true, title, reasons, item, gone[0])
+    where = f"away out of {into}, where it had been placed," if into else "away,"
+    unnoticed = not any(f.item == item for f in case.failures)
+    noted = "nothing failed: the robot still believed that it was there"
+    return taken_item(case, true, item, where, noted if unnoticed else "the robot believed otherwise")
 
 
 def _put_elsewhere(case: Investigation, true: str, item: str, node: str, time: float) -> Finding:
@@ -410,61 +403,61 @@ def _not_seated(case: Investigation, true: str, item: str, into: str, time: floa
 def _left_bin(case: Investigation, true: str, item: str, into: str, time: float) -> Finding | None:
     """Return the finding that an item left its destination after the placement; else None."""
     track = case.bodies.tracks[true]
-    later = [(t, b) for t, b in zip(track.times, track.bodies, strict=True) if t > time]
-    inside = [t for t, b in later if case.bin_at(b) == into]
-    lies = track.bodies[-1]
-    ends = case.bin_at(lies)
-    where = f"in {ends}" if ends else f"at {place(lies.pose.position)}"
-    reasons = [f"{item} was let go over {into} at {seconds(time)}, and {case.truly}lies {where}"]
-    if ends == into and case.verdicts[true].moving:
-        title = f"{item} still moved in {into} when the mission ended"
-        moved = distance(math.dist(lies.pose.position, track.bodies[-2].pose.position))
-        reasons.append(f"it moved {moved} {between(track.times[-2], track.times[-1])}")
-        return Finding("place.not_at_rest", true, title, tuple(reasons), item, track.times[-1])
+    later = list(track.since(time + 1e-3))
+    inside = [at for at, body in later if case.bin_at(body) == into]
+    lies, ends = track.last, case.bin_at(track.last)
     neighbours = [id_ for id_ in case.bodies.tracks if id_ != true]
     others = [
         case.name_of(id_)
         for id_ in neighbours
-        if case.gone(id_) is None and case.bin_at(case.bodies.tracks[id_].bodies[-1]) == into
+        if case.gone(id_) is None and case.bin_at(case.bodies.tracks[id_].last) == into
     ]
+    where = f"in {ends}" if ends else f"at {place(lies.pose.position)}"
+    placed = f"{item} was let go over {into} at {seconds(time)}, and {case.truly}lies {where}"
+
+    def crowded(title: str, reason: str, at: float) -> Finding:
+        return Finding("bin.crowded", into, title, (placed, reason), item, at)
+
+    if ends == into and case.verdicts[true].moving:
+        title = f"{item} still moved in {into} when the mission ended"
+        moved = distance(math.dist(lies.pose.position, track.bodies[-2].pose.position))
+        reasons = (placed, f"it moved {moved} {between(track.times[-2], track.times[-1])}")
+        return Finding("place.not_at_rest", true, title, reasons, item, track.times[-1])
     then = (case.bodies.at(id_, time) for id_ in neighbours)
     if not inside and others and any(body is not None and case.bin_at(body) == into for body in then):
         title = f"{into} has no room for {item}: the item did not stay inside when it was placed"
-        reasons.append(f"in it lie {listed(others, 5)}")
-        return Finding("bin.crowded", into, title, tuple(reasons), item, time)
+        return crowded(title, f"in it lie {listed(others, 5)}", time)
     if not inside:
         title = f"{item} fell beside {into} when it was placed"
-        return Finding("place.beside", true, title, tuple(reasons), item, time)
+        return Finding("place.beside", true, title, (placed,), item, time)
     if ends == into:
-        reasons.append(f"beside it lie {listed(others, 5)}" if others else "nothing else lies there")
         title = f"{item} lies above the rim of {into}, or does not come to rest there"
-        cause, about = ("bin.crowded", into) if others else ("place.not_at_rest", true)
-        return Finding(cause, about, title, tuple(reasons), item, time)
+        if others:
+            return crowded(title, f"beside it lie {listed(others, 5)}", time)
+        return Finding("place.not_at_rest", true, title, (placed, "nothing else lies there"), item, time)
     out, outside = next((t, b) for t, b in later if t > inside[-1] and case.bin_at(b) != into)
     lay = next(b for t, b in later if t == inside[-1])
-    reasons.append(
-        f"it lay there, but later {distance(math.dist(lies.pose.position, lay.pose.position))} away later"
+    placed += (
+        f"; it lay in {into}, but later {distance(math.dist(lies.pose.position, lay.pose.position))} away"
     )
     placing = case.events(event_types.ItemDoneEvent, start=inside[-1] - PLACING_TIME, end=out + PLACING_TIME)
-    if math.dist(outside.pose.position, lay.pose.position) > PUSH_RANGE:
-        placing = []
-    came = [at.record.object for at in placing if at.record.into == into]
-    came = [name for name in came if name != item]
-    when = between(inside[-1], out)
+    pushed = math.dist(outside.pose.position, lay.pose.position) <= PUSH_RANGE
+    names = [at.record.object for at in placing if pushed and at.record.into == into]
+    came, when = [name for name in names if name != item], between(inside[-1], out)
     if came:
         title = f"{into} is too small for all its items: {item} left it again {when}"
-        reasons.append(f"{listed(came, 5)} came down into {into} about then and pushed it out")
-        return Finding("bin.crowded", into, title, tuple(reasons), item, inside[-1])
+        return crowded(
+            title, f"{listed(came, 5)} came down into {into} about then and pushed it out", inside[-1]
+        )
     if out - time < PLACING_TIME and others:
         title = f"{into} is too full for {item}: the item did not stay inside when it was placed, {when}"
-        reasons.append(f"in it lie {listed(others, 5)}")
-        return Finding("bin.crowded", into, title, tuple(reasons), item, inside[-1])
+        return crowded(title, f"in it lie {listed(others, 5)}", inside[-1])
     if out - time < PLACING_TIME:
         title = f"{item} bounced out of {into} when it was placed, {when}"
-        return Finding("place.beside", true, title, tuple(reasons), item, time)
+        return Finding("place.beside", true, title, (placed,), item, time)
     title = f"{item} left {into} again after it had been placed, {when}"
-    reasons.append("nothing was placed there about then: something else than the arm flung it out")
-    return Finding("item.left_bin", true, title, tuple(reasons), item, inside[-1])
+    reasons = (placed, "nothing was placed there about then: something else than the arm flung it out")
+    return Finding("item.left_bin", true, title, reasons, item, inside[-1])
 
 
 def _not_tried(case: Investigation, true: str) -> Finding | None:

@@ -91,7 +91,7 @@ def test_a_wrong_colour_costs_its_item_and_a_slip_another_one(tmp_path: Path) ->
     )
     found = blind(run(tmp_path, items=BALL + CAN, fault=faults, backend="physics"))
     mistaken = next(c for c in found.root_causes if c.cause == "perception.mistaken")
-    assert (mistaken.ended_run, mistaken.items, mistaken.confidence) == (True, ("blue_can_1",), "likely")
+    assert (mistaken.ended_run, mistaken.items, mistaken.doubtful) == (True, ("blue_can_1",), False)
     slipped = next(c for c in found.root_causes if c.cause == "item.slipped")
     assert "blue_can_1" not in slipped.items
     assert slipped.title.endswith("though its mass and friction are those of its kind")
@@ -198,7 +198,7 @@ def test_a_picture_that_stands_still_is_named(
     monkeypatch.setattr(camera, "capture", FrozenCamera(cast("Any", camera).capture, 1.0))
     folder = run(tmp_path, mission=TWICE, backend=backend)
     cause = blind(folder).root_causes[0]
-    assert (cause.cause, cause.confidence) == ("camera.frozen", "likely")
+    assert (cause.cause, cause.doubtful) == ("camera.frozen", False)
     assert cause.title.startswith("the image of the camera overhead was frozen, from ")
     with Run(folder) as log:
         assert any("overhead stands still" in f.message for f in explain(log).failures) == (

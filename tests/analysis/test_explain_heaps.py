@@ -98,9 +98,9 @@ def test_an_empty_tote_and_the_arm_over_it_are_causes(tmp_path: Path) -> None:
     result = Session(RunRequest(tmp_path / "exchange.yaml", seed=1, out=tmp_path)).run()
     with Run(result.log) as run:
         under, empty = run.explanation.root_causes
-        assert (under.cause, under.ended_run, under.confidence) == ("bin.under_arm", True, "likely")
+        assert (under.cause, under.ended_run, under.doubtful) == ("bin.under_arm", True, False)
         assert under.reasons[0].endswith(" mm above the rim")
-        assert (empty.cause, empty.title, empty.confidence) == ("heap.empty", "tote was empty", "likely")
+        assert (empty.cause, empty.title, empty.doubtful) == ("heap.empty", "tote was empty", False)
 
 
 def test_things_that_were_never_lifted_are_told_so(vain: Run) -> None:

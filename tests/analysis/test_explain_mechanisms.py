@@ -43,13 +43,14 @@ def test_a_period_of_no_length_is_a_time(start: float, end: float, words: str) -
 
 @pytest.mark.parametrize(("pressed", "stuck"), [(0.0, True), (20.0, False)])
 def test_fingers_that_stand_open_though_told_to_close_are_stuck(pressed: float, stuck: bool) -> None:
-    """Those that press with the commanded force hold something as wide as they open."""
-    told = [SimpleNamespace(time=t, told_width=0.0 if t > 0.5 else 0.08, told_force=20.0) for t in TIMES]
-    widths, forces = np.full(40, 0.08), np.full(40, pressed)
-    found = list(fingers_stuck(case(gripper=GripperSeries(TIMES, widths, forces), devices=told)))
-    assert [each.finding.cause for each in found] == ["gripper.jammed"] * stuck
+    """Those that press on something as wide as they open hold it."""
+    closing = [SimpleNamespace(name="close", start=0.5, end=1.5)]
+    gripper = GripperSeries(TIMES, np.full(40, 0.08), np.full(40, pressed))
+    steps = {"close": closing, "release": []}
+    found = list(fingers_stuck(case(gripper=gripper, steps=steps.__getitem__)))
+    assert [each.cause for each in found] == ["gripper.jammed"] * stuck
     if stuck:
-        assert found[0].finding.title.startswith("the fingers are stuck at 80 mm")
+        assert found[0].title.startswith("the fingers are stuck at 80 mm")
 
 
 def test_a_joint_that_keeps_its_torque_while_the_arm_is_compliant_is_weak() -> None:
@@ -60,9 +61,10 @@ def test_a_joint_that_keeps_its_torque_while_the_arm_is_compliant_is_weak() -> N
     controls = ControlSeries(
         TIMES, ("CartesianImpedance",) * 40, np.full((40, 2), np.nan), np.full((40, 2), np.nan)
     )
-    log = SimpleNamespace(controls=controls, joints=joints, joint_names=(("a", "b"), ()))
+    info = SimpleNamespace(backend="physics")
+    log = SimpleNamespace(controls=controls, joints=joints, joint_names=(("a", "b"), ()), info=info)
     (found,) = joint_saturated(case(run=log))
-    assert (found.finding.cause, found.finding.about) == ("joint.weak", "b")
+    assert (found.cause, found.about) == ("joint.weak", "b")
     assert found.spans[0] == (pytest.approx(0.7, abs=0.06), pytest.approx(1.35, abs=0.06))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -9,9 +10,9 @@ import numpy as np
 import pytest
 
 from picktree.analysis.explain import FailureStory
+from picktree.analysis.explain.camera_causes import displaced_cameras
 from picktree.analysis.explain.case import Investigation
-from picktree.analysis.explain.device_causes import cameras_off
-from picktree.analysis.explain.explanation import DeviceFinding, Finding
+from picktree.analysis.explain.explanation import Finding
 from picktree.analysis.explain.held_items import (
     HeldPeriod,
     explain_departure,
@@ -65,7 +66,9 @@ def case(pressed: float, pulled: float, entry: CatalogueEntry = ENTRY) -> Invest
 
 def failure(cause: str = "grasp.slipped", **evidence: object) -> FailureStory:
     told = {"cause": cause, "item": ITEM, "time": 1.9, "node": "Main/Grasp", "evidence": evidence}
-    return cast("FailureStory", SimpleNamespace(**told))
+    made_up = SimpleNamespace(**told)
+    made_up.finding = partial(FailureStory.finding, cast("FailureStory", made_up))
+    return cast("FailureStory", made_up)
 
 
 @pytest.mark.parametrize(
@@ -110,12 +113,11 @@ def test_what_slipped_was_slippery_heavy_or_gripped_too_gently(
 def test_what_was_gripped_where_a_displaced_camera_had_seen_it_slipped_for_that(
     seen: list[tuple[float, float]], cause: str
 ) -> None:
-    finding = Finding("camera.off", "the camera overhead", "it hangs elsewhere", (), "", 0.1)
-    off = DeviceFinding(finding, ((0.1, 0.4),), ())
+    off = Finding("camera.off", "the camera overhead", "it hangs elsewhere", time=0.1, spans=((0.1, 0.4),))
     held = case(20.0, 12.5)
     slid = cast("Any", held)
     slid.identities.by_item = {ITEM: [SimpleNamespace(time=time, off=(way, 0.0)) for time, way in seen]}
-    slid.once = lambda question: (off,) if question is cameras_off else ()
+    slid.once = lambda question: (off,) if question is displaced_cameras else ()
     found = explain_departure(held, HELD)
     assert found is not None
     assert found.cause == cause
@@ -136,16 +138,14 @@ def test_what_stops_the_arm_and_pulls_straight_down_is_heavy(pull: float, tilt: 
 
 
 BALL = "red_ball_1"
-OFF = DeviceFinding(
-    Finding("camera.off", "the camera overhead", "it hangs elsewhere", (), "", 1.0), ((1.0, 2.0),), ()
-)
+OFF = Finding("camera.off", "the camera overhead", "it hangs elsewhere", time=1.0, spans=((1.0, 2.0),))
 
 
-def seen_elsewhere(*, held: tuple[HeldPeriod, ...], off: tuple[DeviceFinding, ...]) -> Investigation:
+def seen_elsewhere(*, held: tuple[HeldPeriod, ...], off: tuple[Finding, ...]) -> Investigation:
     """A ball that was seen 4 cm off at 1 s, and given up at 6 s."""
     believed = SimpleNamespace(pose=Pose((0.5, 0.04, 0.02)), last_seen=1.0, attached=False)
     lies = SimpleNamespace(pose=Pose((0.5, 0.0, 0.02)))
-    answers = {held_periods: held, cameras_off: off}
+    answers = {held_periods: held, displaced_cameras: off}
     told = {
         "pairs": {BALL: "item_00"},
         "belief": SimpleNamespace(tracks={BALL: SimpleNamespace(before=lambda _: believed)}),
@@ -172,7 +172,7 @@ def seen_elsewhere(*, held: tuple[HeldPeriod, ...], off: tuple[DeviceFinding, ..
     ],
 )
 def test_an_item_that_lay_elsewhere_was_let_go_or_seen_wrongly(
-    held: tuple[HeldPeriod, ...], off: tuple[DeviceFinding, ...], cause: str
+    held: tuple[HeldPeriod, ...], off: tuple[Finding, ...], cause: str
 ) -> None:
     failure = SimpleNamespace(cause="world.unknown_object", item=BALL, time=10.0)
     found = explain_misjudged_place(seen_elsewhere(held=held, off=off), cast("FailureStory", failure))

@@ -16,7 +16,7 @@ from mcap.records import Attachment, Metadata
 
 from picktree.analysis import Run
 from picktree.analysis.explain import Explanation, explain, to_text
-from picktree.analysis.explain.device_causes import background_shift
+from picktree.analysis.explain.camera_causes import background_shift
 from picktree.apps.cli import answer
 
 from ..logs.rewriting import Content, Sent

@@ -105,10 +105,11 @@ def test_a_confidence_is_held_against_the_rate_that_is_documented(program: Progr
     rows = [*stated("likely", 93, 7), *stated("possible", 10, 0), *stated("the log does not tell", 0, 3)]
     likely, possible, untold = program("explanations").calibration(rows)
     assert "93 of 100" in likely
-    assert "95 % interval 86.3 … 96.6 %; documented 95 %: within 5 points (-2.0)" in likely
-    assert "documented 80 %: NOT within 5 points (+20.0)" in possible
+    assert "95 % interval 86.3 … 96.6 %; documented at least 92 %: holds" in likely
+    assert "documented" not in possible
     assert "0 of 3" in untold
     assert "documented" not in untold
+    assert "does NOT hold" in program("explanations").calibration(stated("likely", 91, 9))[0]
     assert program("explanations").calibration([])[0].lstrip().startswith("likely")
 
 

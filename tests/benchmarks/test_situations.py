@@ -174,3 +174,17 @@ def test_where_nothing_was_caused_nothing_is_blamed(program: Program) -> None:
     excluded = _row("remove", status="no cause", groups=())
     assert verdict(excluded, _account(GONE)) == "blamed"
     assert verdict(excluded, _account({**GONE, "cause": "joint.weak"})) == "unexplained"
+
+
+def test_the_rates_of_confidence_are_fitted_on_judged_causes(program: Program) -> None:
+    situations = program("situations")
+    told = GONE | {"doubtful": False}
+    row: dict[str, Any] = {
+        "label": {"status": "cause", "target": "goal", "groups": [], "excluded": []},
+        "account": {"causes": [told], "facts": []}, "verdict": "right",
+        "blind_account": {"causes": [told], "facts": []}, "blind_verdict": "wrong",
+    }  # fmt: skip
+    found = situations.fit([row, row, row | {"verdict": "silent", "blind_verdict": "silent"}])
+    module: dict[str, Any] = {}
+    exec(situations.fit_module(found), module)
+    assert module["FITTED"] == {("item", False, True): (2, 2), ("item", False, False): (0, 2)}

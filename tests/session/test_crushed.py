@@ -37,7 +37,7 @@ def test_a_crushed_item_is_in_the_result_and_costs_the_goal_wherever_it_lies(
     with Run(result.log) as run:
         found = explain(run)
     (root,) = found.root_causes
-    assert (root.cause, root.confidence, len(root.items)) == ("item.crushed", "likely", 1)
+    assert (root.cause, root.doubtful, len(root.items)) == ("item.crushed", False, 1)
     assert "was crushed: left pressed with 65 N, and the item withstands 60 N" in root.title
     (story,) = (item for item in found.items if item.truth.endswith("pressed with 65.0 N"))
     assert "where it belongs" not in story.truth
