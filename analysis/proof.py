@@ -1,6 +1,6 @@
 """Proof of a root cause by experiment: continuations of the run with the cause and with the cause taken away.
 
-Both ways go on from the last checkpoint before the cause has its effect. From there on, the noise of cameras
+Both ways resume from the last checkpoint before the cause has its effect. From there on, the noise of cameras
 and wrist and the seeds of the planner are drawn anew, with the same variants both ways.
 """
 
@@ -66,7 +66,7 @@ class Proof:
     sentence: str
     """Verdict in words."""
     checkpoint: str = ""
-    """Name of the checkpoint that the continuations go on from; empty: the beginning of the run."""
+    """Name of the checkpoint from which the continuations resume; empty: the beginning of the run."""
     start: float = 0.0
     bound: float = 0.0
     """Time at which a continuation ends at the latest."""
@@ -91,7 +91,7 @@ class Proof:
             begin = self.checkpoint.removesuffix(".json") or "the beginning of the log"
             lines += [
                 f"without it  {removal.sentence}",
-                f"goes on     from {begin}, {self.start:.2f} s; "
+                f"resumed     from {begin}, {self.start:.2f} s; "
                 f"noise drawn anew from {asked.since:.2f} s on; to {self.bound:.1f} s at most",
             ]
             for fact in asked.facts:

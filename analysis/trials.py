@@ -54,8 +54,11 @@ class SettledItems(Interrupter):
     """Interrupter that ends a continuation when the asked items rest where they belong."""
 
     def __init__(self, items: frozenset[str], after: float, progress: Callable[[float], None]) -> None:
-        """items: true items; without any the continuation is not ended early. after: time before which the
-        cause may still have an effect, simulated s: an item may be taken out of its bin."""
+        """Wait for the true `items`; without any, the continuation is not ended early.
+
+        `after`: time before which the cause may still have an effect, simulated s. Until then an item may be
+        taken out of its bin.
+        """
         self._items, self._after, self._progress = items, after, progress
         self._since: float | None = None
         self._over = False

@@ -116,8 +116,10 @@ def _stopped_from_below(failure: FailureStory) -> bool:
 
 
 def _wrong_tool(case: Investigation) -> Finding | None:
-    """Return the finding that the hand is not where the robot's model has it: items that were at their
-    believed places stopped it from below; else None."""
+    """Return the finding that the hand is elsewhere than its model; else None.
+
+    Items that were at their believed places stopped it from below.
+    """
     found: dict[str, FailureStory] = {}
     for failure in case.failures:
         believed, true = case.last_believed(failure), case.pairs.get(failure.item, "")
@@ -505,7 +507,7 @@ def _occupied(case: Investigation, failure: FailureStory) -> Finding | None:
     belongs = "" if lies is None else case.destination(lies)
     if at and belongs in case.bins:
         title = f"the mission puts {failure.item} down at {at}, and it belongs into {belongs}"
-        reasons = (f"{failure.node} has at: {at}", f"{by or 'something'} stands there already")
+        reasons = (f"{failure.node} has at: {at}", f"{by or 'something'} was there already")
         return failure.finding("mission.put_elsewhere", failure.node, title, reasons)
     cause = "scene.blocked" if by in case.fixtures else "place.occupied"
     title = f"{by or 'something'} stands where {failure.item} should go"

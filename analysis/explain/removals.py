@@ -154,8 +154,10 @@ def _chosen(run: RunRecord, found: Explanation, cause: str) -> tuple[int, RootCa
 
 
 def _since(case: Investigation, root: RootCause, own: list[FailureStory]) -> float:
-    """Return a time before the first effect of the cause, s: the start of the first failed node, or of the
-    first node about the item."""
+    """Return a time before the first effect of the cause, simulated s.
+
+    It is the start of the first failed node, or of the first node about the item.
+    """
     times = [case.visit(each).start for each in own]
     if root.time is not None:
         times.append(root.time)

@@ -197,7 +197,7 @@ def _drivers(
 ) -> Iterator[FailureDriver]:
     """Yield the compared values of all factors. `outcomes`: seed, values by factor, and whether it failed.
 
-    What has one seed meets the same items and the same faults: it is one block, not as many samples.
+    Jobs of one seed have the same items and faults: they are one block, not as many samples.
     """
     for factor in dict.fromkeys(name for _, values, _ in outcomes for name in values):
         blocks: defaultdict[int, _Counts] = defaultdict(_counts)
