@@ -47,8 +47,8 @@ def draw(periods: Sequence[OperatorFigures], period: float, path: Path) -> None:
     ]
     above.errorbar(numbers, values, yerr=bars, fmt="o", capsize=4)
     above.set(ylabel="units an hour", ylim=(0, None))
-    middle.bar(numbers, [each.total.failures for each in periods], 0.4, label="failures")
-    middle.bar([n + 0.4 for n in numbers], [each.total.assisted for each in periods], 0.4, label="assists")
+    middle.bar([n - 0.2 for n in numbers], [each.total.failures for each in periods], 0.4, label="failures")
+    middle.bar([n + 0.2 for n in numbers], [each.total.assisted for each in periods], 0.4, label="assists")
     middle.set(ylabel="number")
     bottom = [0.0] * len(periods)
     for use in ACTIVITIES:
@@ -56,8 +56,9 @@ def draw(periods: Sequence[OperatorFigures], period: float, path: Path) -> None:
         below.bar(numbers, shares, 0.8, bottom=bottom, label=ACTIVITY_TEXTS[use])
         bottom = [before + share for before, share in zip(bottom, shares, strict=True)]
     below.set(ylabel="time, %", xlabel=f"period of {duration_text(period)}, simulated", ylim=(0, 100))
+    below.set_xticks(numbers)
     for axes in (middle, below):
-        axes.legend(loc="lower right", ncols=3, fontsize="small")
+        axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=5, fontsize="small", frameon=False)
     figure.savefig(str(path), format="svg", metadata={"Date": None})  # pyright: ignore[reportUnknownMemberType]
 
 
