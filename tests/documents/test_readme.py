@@ -22,6 +22,13 @@ SHELL = [*blocks(PAGE, "sh"), *blocks(COMMANDS, "sh")]
 (MISSION,) = blocks(PAGE, "yaml")
 FEWER = {"0:20": "0:8", "items=40": "items=4"}
 """Numbers of the pages, and the smaller ones that the tests run."""
+SMALL = """\
+picktree: 1
+kind: scene
+base: sort_small
+spawn: [{of: {can: 1}, colours: [red], area: {min: [0.4, -0.1], max: [0.6, 0.1]}}]
+"""
+"""Scene of the tests in place of `sort_small`, which has four items."""
 ONE_WORKER = ("batch", "run")
 """Command that would have a worker for each core of the machine."""
 DEMO = re.search(r'^demo:.*\n\t@"\$\(BIN\)/picktree" (.*?) \|\|', MAKEFILE, re.MULTILINE)
@@ -31,7 +38,8 @@ def shortened(words: Sequence[str]) -> list[str]:
     """Return a command of the page of commands as it is run here: with a smaller number, without physics."""
     fewer = [FEWER.get(word, word) for word in words]
     if tuple(words[:2]) == ONE_WORKER:
-        return [*fewer, "--workers", "1"]
+        one = ["small.yaml" if word == "sort_small" else word for word in fewer]
+        return [*one, "--workers", "1", "--backend", "kinematic"]
     simulated = words[0] == "run" and not {"--backend", "--resume", "--help"} & set(words)
     return [*fewer, "--backend", "kinematic"] if simulated else fewer
 
@@ -86,6 +94,7 @@ def test_the_page_of_commands_names_every_command() -> None:
 def test_commands_run_and_print_what_it_says(block: Block, tmp_path: Path) -> None:
     (tmp_path / "first.yaml").write_text(MISSION.text, encoding="utf-8")
     (tmp_path / "examples").symlink_to(ROOT / "examples")
+    (tmp_path / "small.yaml").write_text(SMALL, encoding="utf-8")
     reader = Reader(tmp_path)
     if block.page == COMMANDS:
         reader.type(block, shortened)
