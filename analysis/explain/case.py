@@ -413,6 +413,8 @@ class Investigation:
         """Return the bin or hole in which the body is; empty outside of all."""
         if body.seat is not None and body.seat.over:
             return str(body.seat.hole)
+        if not self.world.is_true and (believed := self.container(body.place)):
+            return believed
         for each in self.scene.bins if self.scene else ():
             x, y, _ = (each.pose.inverse() @ body.pose).position
             if abs(x) <= each.size[0] / 2 and abs(y) <= each.size[1] / 2:

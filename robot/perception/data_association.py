@@ -299,12 +299,11 @@ def _updated_belief(
         else:
             reported -= believed
         detection = replace(detection, confidence=min(_share_of_odds(reported), MAX_REPORTED_CONFIDENCE))
-    place = item.place if _is_given_up(item, detection) else detection.place
     worse = detection.confidence < MIN_CONFIDENCE_SHARE * item.confidence
     if worse and view.look(item.shape, item.pose, item.colour).is_confirmed:
-        return replace(item, last_seen=now, place=place)
-    belief = replace(_belief_from(item.id, detection, now), place=place)
-    return replace(belief, pose=_nearest_orientation(detection, item.pose))
+        return replace(item, last_seen=now)
+    belief = replace(_belief_from(item.id, detection, now), pose=_nearest_orientation(detection, item.pose))
+    return replace(belief, place=item.place) if _is_given_up(item, detection) else belief
 
 
 def _log_odds(confidence: float) -> float:

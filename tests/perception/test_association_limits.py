@@ -171,6 +171,11 @@ def test_what_is_seen_worse_than_before_is_believed_as_before() -> None:
         assert (now.last_seen, now.place, now.kind) == (7.0, "aside", wanted.kind)
         assert (now.pose.position, now.confidence) == (wanted.pose.position, wanted.confidence)
         assert (now.sigma_angle, now.sigma_position) == (wanted.sigma_angle, wanted.sigma_position)
+    # Place and pose go together: what is kept in a hole does not lie on the table.
+    for confidence, place in ((0.4, "table"), (0.3, "board/square")):
+        scene = scene_of(replace(believed(seen.pose.position, confidence=0.5), place="board/square"))
+        update_belief(scene, replace(view, detections=(replace(seen, confidence=confidence),)), 7.0)
+        assert scene.objects[0].place == place
     # The place is seen empty: the worse look is all that there is.
     scene = scene_of(believed(ON_THE_TABLE, confidence=0.9))
     after(scene, detected(ON_THE_TABLE, 0.02, confidence=0.2))
