@@ -18,14 +18,13 @@ from picktree.session import CellUnpacking
 from picktree.world import (
     Array,
     JournalEvent,
-    Pose,
     Vector3,
     event_types,
     extents,
     greatest_length,
     vector3,
 )
-from picktree.world.robot_model import RobotDescription, RobotModel, fingers_of
+from picktree.world.robot_model import RobotDescription, fingers_of
 from picktree.world.scene import Bin, CatalogueEntry, Fixture, SceneDescription, destinations
 
 from .body_tracks import BodyTracks, DeviceState, between
@@ -34,7 +33,6 @@ from .identities import Identities
 
 if TYPE_CHECKING:
     from picktree.logs import RunRecord
-    from picktree.robot.planning import InverseKinematics
 
 E = TypeVar("E", bound=JournalEvent)
 T = TypeVar("T")
@@ -42,17 +40,6 @@ HAND_RANGE = 0.08
 """Distance from an item's centre within which the fingers may touch the item, m."""
 ARM_RANGE = 0.15
 """Distance from a link's frame within which the link may touch an obstacle, m."""
-MAX_POSES = 12
-"""Maximum number of poses that are tried; they are spread over a longer list."""
-MAX_IK_SOLUTIONS = 1
-
-
-def reachable(arm: InverseKinematics, poses: Sequence[Pose]) -> bool:
-    """Whether a configuration within the joint limits leads to one of the poses of the TCP in the world."""
-    step = max(len(poses) // MAX_POSES, 1)
-    home = arm.model.named("home")
-    rng = np.random.default_rng(0)
-    return any(arm.solutions(pose, rng, home, MAX_IK_SOLUTIONS) for pose in poses[::step])
 
 
 def scene_of(log: RunLog) -> SceneDescription | None:
@@ -75,6 +62,10 @@ class BodyWorld(Protocol):
     """True states of robot and items; empty without truth."""
     sampled: float
     """Maximum interval between two samples, s."""
+
+    # Item of each believed one; None: the places tell.
+    @property
+    def names(self) -> Mapping[str, str] | None: ...
 
     # Times between which an item vanished, s; verdict on each item at the end.
     def gone(self, item: str) -> tuple[float, float] | None: ...
@@ -141,7 +132,7 @@ class Investigation:
 
     @cached_property
     def identities(self) -> Identities:
-        return Identities(self.belief, self.bodies)
+        return Identities(self.belief, self.bodies, self.world.names)
 
     @property
     def pairs(self) -> Mapping[str, str]:
@@ -190,18 +181,6 @@ class Investigation:
         with tempfile.TemporaryDirectory() as folder:
             try:
                 return CellUnpacking(self.run.log, Path(folder)).robot()
-            except (PicktreeError, OSError, ValueError):
-                return None
-
-    @cached_property
-    def arm(self) -> InverseKinematics | None:
-        """Arm's kinematics; None when the robot cannot be read here."""
-        from picktree.robot.planning import InverseKinematics  # slow to import, and needed for few failures
-
-        with tempfile.TemporaryDirectory() as folder:
-            try:
-                robot = CellUnpacking(self.run.log, Path(folder)).robot()
-                return InverseKinematics(RobotModel(robot))
             except (PicktreeError, OSError, ValueError):
                 return None
 

@@ -336,10 +336,10 @@ def _unsorted(case: Investigation, outcome: ExplainedOutcome) -> list[str]:
 
 
 def _settled(case: Investigation, true: str) -> bool:
-    """Whether a truncated log has ground truth after the placement of an item."""
+    """Whether an item could come to rest after its placement before the log ends."""
     done = placed_at(case, true)
     tried = any(f.item in case.believed.get(true, ()) and f.fate != "open" for f in case.failures)
-    return tried if done is None else case.bodies.tracks[true].times[-1] > done + SETTLING_TIME
+    return tried if done is None else case.end > done + SETTLING_TIME
 
 
 SETTLING_TIME = 0.4

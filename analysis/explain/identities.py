@@ -56,10 +56,13 @@ class Sighting:
 
 
 class Identities:
-    """Names of true items over the looks of a run."""
+    """Names of true items over the looks of a run.
 
-    def __init__(self, belief: BodyTracks, truth: BodyTracks) -> None:
-        self._belief, self._truth = belief, truth
+    `names`: item of each believed one; None: it is the true one that lay where the believed one was seen.
+    """
+
+    def __init__(self, belief: BodyTracks, truth: BodyTracks, names: Mapping[str, str] | None = None) -> None:
+        self._belief, self._truth, self._names = belief, truth, names
 
     @cached_property
     def sightings(self) -> Sequence[Sighting]:
@@ -98,6 +101,8 @@ class Identities:
     @cached_property
     def pairs(self) -> Mapping[str, str]:
         """True item of each believed one: that of most of its sightings, the first of equals."""
+        if self._names is not None:
+            return self._names
         found: dict[str, str] = {}
         for item, sightings in self.by_item.items():
             counts = Counter(each.true for each in sightings if each.true)
@@ -150,8 +155,8 @@ class Identities:
     @cached_property
     def phantoms(self) -> Mapping[str, str]:
         """Believed items that were never a true one of their own, with the true item that reaches to them;
-        empty: nothing was there. A log of a run on a robot has no truth, and no phantoms."""
-        if not self._truth.times:
+        empty: nothing was there. Without truth there are no phantoms."""
+        if not self._truth.times or self._names is not None:
             return {}
         return {
             item: sightings[0].near

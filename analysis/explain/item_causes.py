@@ -33,6 +33,8 @@ CARRIED_WAY, CARRIED_RANGE = 0.06, 0.07
 """Least motion of an item that the arm carried off, and its greatest distance from the hand then, m."""
 LOSS_MARGIN = 0.6
 """Time around a loss from the hand in which the item's motion is its fall, s."""
+BEFORE_HELD = 0.05
+"""Time before the belief has an item in the hand at which it lies where the hand goes, beside a sample, s."""
 SAMPLE_TIME = 0.1
 """Interval between two samples of the hand's position, s."""
 SEEK_FAILURES = frozenset(
@@ -67,7 +69,11 @@ def explain_wrong_place(case: Investigation, failure: FailureStory) -> Finding |
 
 
 def _reached(case: Investigation, failure: FailureStory) -> float:
-    """Return the time at which the fingers closed, or else of the failure, s."""
+    """Return the time at which the fingers closed on the item, or else of the failure, s."""
+    if failure.cause.startswith("insert."):
+        true = case.pairs.get(failure.item)
+        held = [p for p in case.once(held_periods) if p.true == true and p.start <= failure.time <= p.end]
+        return held[-1].start - case.sampled - BEFORE_HELD if held else failure.time
     visit = case.visit(failure)
     grip = grip_within(case, visit.start, failure.time) if failure.cause.startswith("grasp.") else None
     return failure.time if grip is None else grip.closed
@@ -268,8 +274,8 @@ def explain_never_seen(case: Investigation, true: str) -> Finding:
 def noisy_camera(case: Investigation, item: str, height: float) -> Finding | None:
     """Return the finding that an item of that height, m, drowns in the noise of a fixed camera; else None."""
     for shot in case.once(looks):
-        scatter, _ = depth_noise(shot.record.depth)
-        if scatter > NOISE_SHARE * height:
+        scatter, away = depth_noise(shot.record.depth)
+        if scatter > max(NOISE_SHARE * height, MAX_ORDINARY_NOISE * (away / 0.7) ** 2):
             name = shot.record.camera
             title = f"the camera {name} is too noisy: its depth scatters by {distance(scatter)}"
             reasons = (f"{item or 'the lowest item'} is {distance(height)} high, and was never seen",)
@@ -277,6 +283,8 @@ def noisy_camera(case: Investigation, item: str, height: float) -> Finding | Non
     return None
 
 
+MAX_ORDINARY_NOISE = 0.003
+"""Greatest scatter of an ordinary camera at 0.7 m, m; it grows with the square of the distance."""
 NOISE_SHARE = 0.3
 """Share of an item's height above which noise of the depth hides the item."""
 

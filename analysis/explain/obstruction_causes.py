@@ -12,15 +12,15 @@ import numpy as np
 from picktree.files import listed
 from picktree.logs import ImageEvent, log_records
 from picktree.robot.manipulation import pick_candidates, release_poses
-from picktree.world import BeliefObject, ObjectId, Pose, event_types, extents
+from picktree.world import BeliefObject, ObjectId, event_types, extents
 from picktree.world.scene import Bin, CameraDescription, Fixture
 
 from .body_tracks import horizontal_distance
-from .case import Investigation, reachable
+from .case import Investigation
 from .explanation import (
-    CandidateChoice,
     FailureStory,
     Finding,
+    RejectedCandidate,
     counted,
     distance,
     force,
@@ -227,16 +227,6 @@ def fixture_above(case: Investigation, target: Bin) -> str:
     return next((name for name, fixture in case.fixtures.items() if _overlap(fixture, low, high)), "")
 
 
-def fixtures_around(case: Investigation, lies: log_records.BodyRecord) -> list[str]:
-    """Return the fixtures in the column over an item, with the hand's width around it."""
-    x, y, z = lies.pose.position
-    low, high = (
-        (x - CLEARANCE / 2, y - CLEARANCE / 2, z),
-        (x + CLEARANCE / 2, y + CLEARANCE / 2, z + 2 * CLEARANCE),
-    )
-    return [name for name, fixture in case.fixtures.items() if _overlap(fixture, low, high)]
-
-
 def _overlap(fixture: Fixture, low: Sequence[float], high: Sequence[float]) -> bool:
     least, most = extents(fixture.shape, fixture.pose.rotation())
     at = np.array(fixture.pose.position)
@@ -245,46 +235,45 @@ def _overlap(fixture: Fixture, low: Sequence[float], high: Sequence[float]) -> b
 
 OVERHANG = 0.1
 """Distance from a bin's side at which a link's centre still reaches over the bin, m."""
-PLACEMENT_REFUSAL = "cannot be put where it belongs"
-APPROACH = 0.08
-"""Height over a grasp, or a bin, at which the hand's descent begins, m."""
 
 
 def explain_unreachable_bin(
-    case: Investigation, failure: FailureStory, refused: int, total: int
+    case: Investigation, failure: FailureStory, refused: Sequence[RejectedCandidate], total: int
 ) -> Finding | None:
-    """Return the finding that no grasp leads to the item's bin: it is full, covered, or out of reach."""
+    """Return the finding that no grasp leads to the item's bin: it is full, covered, or out of reach.
+
+    `refused`: the `total` grasps, as far as the place or the way to it refused them.
+    """
     lies = case.last_believed(failure)
     target = case.bins.get(case.destination(lies)) if lies else None
-    reasons = (f"from {refused} of {total} grasps {failure.item} {PLACEMENT_REFUSAL}",)
     if lies is None or target is None:
         return None
-    full = explain_full_bin(case, failure, str(target.id), reasons)
-    if full is not None:
+    name, most = str(target.id), max(refused, key=lambda each: each.count)
+    reasons = tuple(f"{each.count} of {total} grasps: {each.reason}" for each in refused[:3])
+    if (full := explain_full_bin(case, failure, name, reasons)) is not None:
         return full
-    if unknown := obstacle_in(case, str(target.id), failure.time):
-        title = f"{unknown}, a body that the robot did not know, is in or over {target.id}"
+    if unknown := obstacle_in(case, name, failure.time):
+        title = f"{unknown}, a body that the robot did not know, is in or over {name}"
         return failure.finding("scene.unknown_obstacle", unknown, title, reasons)
-    over = fixture_above(case, target)
+    by, track = most.by.split("/")[0], case.belief.tracks.get(most.by)
+    over = by if by in case.fixtures else fixture_above(case, target)
     if over:
-        title = f"{over} is in the way over {target.id}: {failure.item} cannot be put there"
+        title = f"{over} is in the way over {name}: {failure.item} cannot be put there"
         return failure.finding("scene.blocked", over, title, reasons)
-    arm = case.arm
-    x, y, z = target.pose.position
-    down = [
-        Pose.from_rpy((x, y, z + target.size[2] + APPROACH), (np.pi, 0.0, yaw))
-        for yaw in np.linspace(0.0, 2 * np.pi, 8, endpoint=False)
-    ]
-    if arm is not None and not reachable(arm, down):
-        title = f"the arm does not reach {target.id} from above: {failure.item} cannot go there"
-        return failure.finding("bin.out_of_reach", str(target.id), title, reasons)
+    if track is not None and track.first.role == "obstacle":
+        title = f"something unknown ({most.by}) is seen in the way over {name}"
+        return failure.finding("scene.unknown_obstacle", most.by, title, reasons)
+    if most.stage == pick_candidates.PLACE_STAGE and track is None:
+        title = f"over {name} the arm would be in {by}" if by else f"the arm does not reach over {name}"
+        title += f": {failure.item} cannot go there"
+        return failure.finding("bin.out_of_reach", name, title, reasons)
     inside = [b.id for b in case.believed_at(failure.time) if b.place == target.id]
     if inside:
-        title = f"{target.id} is too crowded for {failure.item}: the hand finds no place over it to let go"
-        reasons = (*reasons, f"{target.id} contains {listed(inside, 5)}")
-        return failure.finding("bin.crowded", str(target.id), title, reasons)
-    title = f"{failure.item} cannot be let go over {target.id} without touching something"
-    return failure.finding("bin.hemmed_in", str(target.id), title, reasons)
+        title = f"{name} is too crowded for {failure.item}: the hand finds no place over it to let go"
+        reasons = (*reasons, f"{name} contains {listed(inside, 5)}")
+        return failure.finding("bin.crowded", name, title, reasons)
+    title = f"{failure.item} cannot be let go over {name} without touching something"
+    return failure.finding("bin.hemmed_in", name, title, reasons)
 
 
 def explain_full_bin(
@@ -328,6 +317,7 @@ def _object(body: log_records.BodyRecord) -> BeliefObject:
     )
 
 
+PLACE_STAGES = (pick_candidates.ROOM_STAGE, pick_candidates.PLACE_STAGE, pick_candidates.TRANSFER_STAGE)
 HAND_CONTACT = re.compile(r"the hand would touch (.+)")
 COLLISION_PAIR = re.compile(r"(\S+) (?:only )?[\d.]+ mm (?:deep in|from) (\S+)")
 UNREACHABLE = "is out of reach or in collision"
@@ -394,26 +384,22 @@ def _no_grasp(case: Investigation, failure: FailureStory) -> Finding | None:
     total = sum(r.count for r in choice.rejections)
     touched: Counter[str] = Counter()
     hindered: Counter[str] = Counter()
-    far = nowhere = 0
+    far, nowhere = 0, list[RejectedCandidate]()
     for rejection in choice.rejections:
         reason, count = rejection.reason, rejection.count
         match = HAND_CONTACT.match(reason)
-        if (
-            rejection.stage
-            in (pick_candidates.ROOM_STAGE, pick_candidates.PLACE_STAGE, pick_candidates.TRANSFER_STAGE)
-            or PLACEMENT_REFUSAL in reason
-        ):
-            nowhere += count
+        if rejection.stage in PLACE_STAGES:
+            nowhere.append(rejection)
         elif match:
             touched[(rejection.by or match.group(1)).split("/")[0]] += count
         elif rejection.stage or UNREACHABLE in reason:
             far += count
             if rejection.by:
-                hindered[rejection.by] += count
-    if nowhere >= max(far, touched.total()):
+                hindered[rejection.by.split("/")[0]] += count
+    if nowhere and sum(each.count for each in nowhere) >= max(far, touched.total()):
         return explain_unreachable_bin(case, failure, nowhere, total)
     if far >= touched.total():
-        return _far(case, failure, choice, far, total, hindered)
+        return _far(case, failure, far, total, hindered)
     tried = tuple(
         f"in {count} of {total} grasps the hand would touch {name}" for name, count in touched.most_common(4)
     )
@@ -461,44 +447,22 @@ def _doing(failure: FailureStory) -> str:
 
 
 def _far(
-    case: Investigation,
-    failure: FailureStory,
-    choice: CandidateChoice,
-    far: int,
-    total: int,
-    hindered: Counter[str],
+    case: Investigation, failure: FailureStory, far: int, total: int, hindered: Counter[str]
 ) -> Finding | None:
     """Return the finding about a grasp that the arm cannot reach. `hindered`: contacts of the arm, by
     body."""
     item, lies = failure.item, case.last_believed(failure)
     where = f" at {place(lies.pose.position)}" if lies else ""
     refused = f"{far} of {total} grasps were out of reach or in collision"
-    poses, arm = _grasp_poses(case, choice), case.arm
-    if arm is not None and poses and not reachable(arm, poses):
-        title = f"{item} lies{where}, where the arm does not reach it from above"
-        tried = counted(min(len(poses), 12), "of them that was tried", "of them that were tried")
-        reasons = (refused, f"for {tried} the arm has no configuration, even without collisions")
-        return failure.finding("item.out_of_reach", item, title, reasons)
     reasons = tuple(f"in {n} of {total} grasps the arm would touch {by}" for by, n in hindered.most_common(3))
-    fixed = [name for name, _ in hindered.most_common() if name in case.fixtures]
-    if not fixed and lies and (fixed := fixtures_around(case, lies)):
-        reasons = (refused, f"the arm could reach {item}{where} without the bodies around it")
-    if fixed:
+    if fixed := [name for name, _ in hindered.most_common() if name in case.fixtures]:
         title = f"{fixed[0]} is in the way of the arm at {item}"
-        return failure.finding("scene.blocked", fixed[0], title, reasons)
+        return failure.finding("scene.blocked", fixed[0], title, (refused, *reasons))
+    if not any(name in case.bins or name in case.belief.tracks for name in hindered):
+        title = f"{item} lies{where}, where the arm does not reach it from above"
+        return failure.finding("item.out_of_reach", item, title, (refused, *reasons))
     title = f"the arm cannot get to {item}{where} without touching something"
     return failure.finding("item.hemmed_in", item, title, (refused, *reasons))
-
-
-def _grasp_poses(case: Investigation, choice: CandidateChoice) -> list[Pose]:
-    """Return the approach poses of the TCP over the grasps that were tried."""
-    made = [at.record for at in case.run.candidates if abs(at.time - choice.time) < 1e-6]
-    return [
-        Pose(c.position, c.orientation).shifted((0.0, 0.0, APPROACH))
-        for record in made
-        if record.object == choice.object
-        for c in record.tried
-    ]
 
 
 def _occupied(case: Investigation, failure: FailureStory) -> Finding | None:

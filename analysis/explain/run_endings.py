@@ -8,8 +8,8 @@ import numpy as np
 
 from picktree.files import PicktreeError, listed
 from picktree.files.yaml import read
-from picktree.logs import ImageEvent, node_visits
-from picktree.world import event_types, extents
+from picktree.logs import ImageEvent, log_records, node_visits
+from picktree.world import Array, Shape, event_types, extents
 from picktree.world.scene import CatalogueEntry
 
 from .case import Investigation
@@ -93,8 +93,41 @@ def explain_nothing_seen(case: Investigation) -> Finding | None:
     covers = next(iter(case.obstacles.tracks.values()), None)
     if covers is None:
         return None
+    if (odd := _odd_sized(case, covers.first)) is not None:
+        return odd
     title = f"no item was seen: {covers.id}, a body that the robot did not know, covers a part of the view"
     return Finding("scene.unknown_obstacle", covers.id, title, (), "", covers.times[0], "possible")
+
+
+def _odd_sized(case: Investigation, body: log_records.BodyRecord) -> Finding | None:
+    """Return the finding that a body in the colour of an item is an item of another size; else None."""
+    if case.scene is None or body.colour in ("grey", "unknown", ""):
+        return None
+    seen = _sizes(body.shape)
+    ratios = {entry.kind: seen / _sizes(entry.shape) for entry in case.scene.catalogue}
+    kind, ratio = min(ratios.items(), key=lambda each: float(np.ptp(each[1])), default=("", np.ones(3)))
+    factor = float(ratio[2])
+    if float(np.ptp(ratio)) > MAX_SIZE_SCATTER * factor or 1 / MIN_FACTOR < factor < MIN_FACTOR:
+        return None
+    title = f"{body.id} looks like a {body.colour} {kind}, {factor:.2g} times as large as in the catalogue"
+    reasons = ("it was taken for no item", f"the camera shows {_text(seen)}")
+    return Finding("item.larger", body.id, title, reasons, body.id, None, "possible")
+
+
+MAX_SIZE_SCATTER, MIN_FACTOR = 0.25, 1.15
+"""Greatest difference of the ratios of sides, as a share of the height's, of an item of another size, and the
+least ratio of its height."""
+
+
+def _sizes(shape: Shape) -> Array:
+    """Return the sides of a shape's box, the shorter horizontal one first, and the height, (3,), m."""
+    low, high = extents(shape, np.eye(3))
+    x, y, z = high - low
+    return np.array([min(x, y), max(x, y), z])
+
+
+def _text(sizes: Array) -> str:
+    return " × ".join(f"{1000 * side:.0f}" for side in sizes) + " mm"
 
 
 def _height(entry: CatalogueEntry) -> float:

@@ -27,6 +27,7 @@ class TrueWorld:
     """Bodies and devices as they truly were, several times a second."""
 
     is_true = True
+    names = None
 
     def __init__(self, case: Investigation) -> None:
         log = case.run.log
