@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, cast
@@ -10,16 +11,21 @@ import numpy as np
 import pytest
 
 from picktree.analysis import Run
+from picktree.analysis.explain.body_tracks import BodyTracks
 from picktree.analysis.explain.case import Investigation
 from picktree.analysis.explain.device_causes import fingers_stuck, joint_saturated
-from picktree.analysis.explain.explanation import ItemVerdict, between
-from picktree.analysis.explain.held_items import held_periods
-from picktree.analysis.explain.item_causes import ItemDisplacement, moved_by_arm
-from picktree.analysis.explain.obstruction_causes import explain_hidden
-from picktree.analysis.explain.run_endings import explain_missed_goal
+from picktree.analysis.explain.explanation import FailureStory, ItemVerdict, RejectedCandidate, between
+from picktree.analysis.explain.held_items import HeldPeriod, held_periods
+from picktree.analysis.explain.identities import Identities
+from picktree.analysis.explain.item_causes import ItemDisplacement, explain_wrong_place, moved_by_arm
+from picktree.analysis.explain.obstruction_causes import explain_hidden, explain_unreachable_bin
+from picktree.analysis.explain.run_endings import explain_missed_goal, explain_nothing_seen
 from picktree.analysis.explain.run_explanation import failures_of, investigation
+from picktree.logs import Stamped
+from picktree.logs.log_records import BodyRecord, Scene
 from picktree.logs.series import ControlSeries, GripperSeries, JointSeries
-from picktree.world import Box, Pose
+from picktree.world import Box, ObjectId, Pose
+from picktree.world.scene import Bin
 
 from .test_explain_roots import BLOCK, run
 
@@ -31,6 +37,18 @@ TIMES = np.asarray(0.05 * np.arange(40), np.float64)
 
 def case(**known: object) -> Investigation:
     return cast("Investigation", SimpleNamespace(**known))
+
+
+def always(value: object) -> Callable[..., object]:
+    return lambda *_, **__: value
+
+
+def failed(cause: str, item: str, time: float = 3.0) -> FailureStory:
+    return FailureStory(
+        number=0, time=time, tick=0, visit=0, node="Main/Grasp", id="Grasp", item=item, attempt=1,
+        cause=cause, sentence="", remedy="", step="", message="", evidence={}, chain=(), handled_by=(),
+        fate="open", fate_by="", fate_at=None, because_of=None, choices=(), observed=(),
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -93,7 +111,7 @@ def test_an_unknown_body_between_camera_and_item_hides_it(x: float, hidden: bool
     camera = SimpleNamespace(name="overhead", on="world", pose=Pose((0.5, 0.0, 1.5)))
     crate = SimpleNamespace(shape=Box((0.1, 0.1, 0.02)), pose=Pose((0.5 + x, 0.0, 0.4)))
     found = explain_hidden(
-        case(scene=SimpleNamespace(cameras=[camera]), obstacles_at=lambda _: [("lid", crate)]),
+        case(scene=SimpleNamespace(cameras=[camera]), obstacles_at=always([("lid", crate)])),
         "red_ball_1",
         cast("Any", SimpleNamespace(pose=Pose((0.5, 0.0, 0.02)))),
         3.0,
@@ -126,3 +144,96 @@ def test_an_item_between_the_fingers_of_a_linkage_stays_in_the_hand(tmp_path: Pa
         assert float(np.median(found.gripper.widths[during])) == pytest.approx(0.04, abs=0.003)
         blind = investigation(log, account, failures_of(log, account), truth=False)
         assert [each.left for each in held_periods(blind)] == [None]
+
+
+BIN = Bin(ObjectId("red_bin"), (0.2, 0.2, 0.1), 0.005, Pose((0.5, 0.4, 0.0)))
+
+
+@pytest.mark.parametrize(
+    ("stage", "by", "cause", "words"),
+    [
+        ("place reached", "", "bin.out_of_reach", "the arm does not reach over red_bin"),
+        ("place reached", "red_bin", "bin.out_of_reach", "over red_bin the arm would be in red_bin"),
+        ("place reached", "shelf", "scene.blocked", "shelf is in the way over red_bin"),
+        ("room at the place", "red_bin", "bin.hemmed_in", "red_ball_1 cannot be let go over red_bin"),
+    ],
+)
+def test_a_refused_place_is_told_by_the_robots_own_reason(
+    stage: str, by: str, cause: str, words: str
+) -> None:
+    far = SimpleNamespace(shape=Box((0.1, 0.1, 0.1)), pose=Pose((-1.0, 0.0, 0.0)))
+    asked = case(
+        last_believed=always("it"),
+        destination=always("red_bin"),
+        bins={"red_bin": BIN},
+        fixtures={"shelf": far},
+        belief=SimpleNamespace(tracks={}, at=always(None)),
+        believed_at=always([]),
+        obstacles_at=always([]),
+    )
+    failure = failed("grasp.no_candidate", "red_ball_1")
+    found = explain_unreachable_bin(asked, failure, [RejectedCandidate("yaw 0", "no", 24, stage, by)], 24)
+    assert found is not None
+    assert found.cause == cause
+    assert found.title.startswith(words)
+
+
+def test_an_item_that_moved_before_the_fingers_closed_explains_its_failed_insertion() -> None:
+    """In the hand it is then beside its believed place, and the robot cannot know."""
+
+    def key(x: float, **more: Any) -> BodyRecord:
+        shape, at = Box((0.05, 0.02, 0.06)), Pose((x, 0.2, 0.03))
+        return BodyRecord("key", "box", shape, "red", at, ObjectId("key_1"), **more)
+
+    def tracks(*samples: tuple[float, BodyRecord]) -> BodyTracks:
+        return BodyTracks([Stamped(time, Scene((body,), ())) for time, body in samples])
+
+    truth = tracks(*((0.1 * n, key(0.4 if n < 8 else 0.37)) for n in range(200)))
+    belief = tracks(*((0.1 * n, key(0.4, attached=n > 14)) for n in range(200)))
+    asked = case(
+        pairs={"key_1": "key_1"},
+        believed={"key_1": ("key_1",)},
+        once=always((HeldPeriod("key_1", "key_1", 1.5, 19.9, None),)),
+        world=SimpleNamespace(is_true=False),
+        gone=always(None),
+        belief=belief,
+        bodies=truth,
+        sampled=0.1,
+        changes=always(()),
+        hand=always(None),
+        truly="",
+        bin_at=always(""),
+        entry_of=always(None),
+        devices=(),
+    )
+    found = explain_wrong_place(asked, failed("insert.not_found", "key_1", time=12.0))
+    assert found is not None
+    assert (found.cause, found.about) == ("item.moved", "key_1")
+    assert found.time == pytest.approx(0.7, abs=0.11)
+
+
+@pytest.mark.parametrize(("colour", "cause"), [("green", "item.larger"), ("grey", "scene.unknown_obstacle")])
+def test_a_body_that_looks_like_an_item_is_one_of_another_size(colour: str, cause: str) -> None:
+    body = SimpleNamespace(shape=Box((0.07, 0.08, 0.12)), colour=colour, role="obstacle", id="obstacle_1")
+    entries = [SimpleNamespace(kind="can", shape=Box((0.05, 0.05, 0.08))),
+               SimpleNamespace(kind="brick", shape=Box((0.03, 0.08, 0.02)))]  # fmt: skip
+    seen = SimpleNamespace(first=body, id="obstacle_1", times=[0.1])
+    found = explain_nothing_seen(
+        case(
+            scene=SimpleNamespace(catalogue=entries),
+            belief=SimpleNamespace(tracks={"obstacle_1": seen}),
+            events=always(["a look"]),
+            once=always(()),
+            obstacles=SimpleNamespace(tracks={"obstacle_1": seen}),
+        )
+    )
+    assert found is not None
+    assert found.cause == cause
+    if colour == "green":
+        assert found.title == "obstacle_1 looks like a green can, 1.5 times as large as in the catalogue"
+
+
+def test_without_truth_an_item_has_its_first_name() -> None:
+    """No look has to show a thing that was lifted out of a heap before it is known by its name."""
+    nothing = BodyTracks([])
+    assert Identities(nothing, nothing, {"thing_1": "thing_1"}).pairs == {"thing_1": "thing_1"}
