@@ -162,7 +162,8 @@ def wrist_biased(case: Investigation) -> Iterator[Finding]:
     holding = pressing | (not gripper.forces.any())  # a log without finger forces has none
     excess: Array = np.linalg.norm(felt, axis=1)
     steady = np.linalg.norm(np.diff(felt, axis=0, prepend=felt[:1]), axis=1) < MAX_JUMP
-    for start, end in _holds(case):
+    holds = list(_holds(case))
+    for start, end in holds:
         here = (times >= start - 0.1) & (times <= end + 0.3) & holding
         if here.any():
             load = np.median(felt[here], axis=0)
@@ -175,12 +176,16 @@ def wrist_biased(case: Investigation) -> Iterator[Finding]:
     silent = [span for find in (wrist_silent, joint_weak) for found in find(case) for span in found.spans]
     beyond = excess > np.where(speed < REST_SPEED, MIN_BIAS, SWING_FORCE)
     lasting = [
-        span
-        for span in _lasting(_spans(times, beyond & steady & ~pressing))
-        if not any(x <= span[1] and span[0] <= y for x, y in silent)
+        span for span in _lasting(_spans(times, beyond & steady & ~pressing)) if not _overlaps(span, silent)
     ]
     sizes = {span: float(np.median(excess[(times >= span[0]) & (times <= span[1])])) for span in lasting}
-    sure = [span for span in lasting if _goes_far(case, *span) or _steps_at_rest(span[0], times, speed)]
+    sure = [
+        span
+        for span in lasting
+        if _goes_far(case, *span)
+        # What is held may be held fast, or touch something.
+        or (not _overlaps(span, holds) and _steps_at_rest(span[0], times, speed))
+    ]
     if sure:
         most = sizes[sure[0]]
         spans = [span for span in lasting if abs(sizes[span] - most) < SAME_BIAS * most]
@@ -189,6 +194,10 @@ def wrist_biased(case: Investigation) -> Iterator[Finding]:
         reasons = (f"the hand felt this wherever it went, beyond what it held, {listed_spans(spans)}",)
         covered = ((start - 0.5, spans[-1][1]),)
         yield Finding("wrist.biased", "wrist", title, reasons, "", start, spans=covered)
+
+
+def _overlaps(span: tuple[float, float], others: Iterable[tuple[float, float]]) -> bool:
+    return any(start <= span[1] and span[0] <= end for start, end in others)
 
 
 def _holds(case: Investigation) -> Iterator[tuple[float, float]]:

@@ -183,7 +183,7 @@ def test_an_item_that_moved_before_the_fingers_closed_explains_its_failed_insert
 
     def key(x: float, **more: Any) -> BodyRecord:
         shape, at = Box((0.05, 0.02, 0.06)), Pose((x, 0.2, 0.03))
-        return BodyRecord("key", "box", shape, "red", at, ObjectId("key_1"), **more)
+        return BodyRecord("key", "box", shape, "red", at, id=ObjectId("key_1"), **more)
 
     def tracks(*samples: tuple[float, BodyRecord]) -> BodyTracks:
         return BodyTracks([Stamped(time, Scene((body,), ())) for time, body in samples])
