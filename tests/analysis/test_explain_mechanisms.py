@@ -13,7 +13,7 @@ import pytest
 from picktree.analysis import Run
 from picktree.analysis.explain.body_tracks import BodyTracks
 from picktree.analysis.explain.case import Investigation
-from picktree.analysis.explain.device_causes import fingers_stuck, joint_saturated
+from picktree.analysis.explain.device_causes import fingers_stuck, joint_saturated, wrist_biased
 from picktree.analysis.explain.explanation import FailureStory, ItemVerdict, RejectedCandidate, between
 from picktree.analysis.explain.held_items import HeldPeriod, held_periods
 from picktree.analysis.explain.identities import Identities
@@ -237,3 +237,29 @@ def test_without_truth_an_item_has_its_first_name() -> None:
     """No look has to show a thing that was lifted out of a heap before it is known by its name."""
     nothing = BodyTracks([])
     assert Identities(nothing, nothing, {"thing_1": "thing_1"}).pairs == {"thing_1": "thing_1"}
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_a_force_on_what_is_held_is_no_bias_of_the_wrist(held: bool) -> None:
+    """What is held may be held fast. An empty hand at rest touches nothing."""
+    pulled = np.where(TIMES > 1.1, 15.0, 0.0)
+    forces = np.stack([0 * TIMES, 0 * TIMES, pulled], axis=1)
+    still = np.zeros((40, 1))
+    track = SimpleNamespace(times=TIMES, bodies=[SimpleNamespace(attached=held)] * 40)
+    hand = GripperSeries(TIMES, np.full(40, 0.04), np.full(40, 20.0 * held))
+    log = SimpleNamespace(
+        wrenches=SimpleNamespace(times=TIMES, forces=forces),
+        joints=JointSeries(("a",), TIMES, still, still, still),
+        info=SimpleNamespace(backend="kinematic"),
+        controls=SimpleNamespace(errors=np.zeros((0, 1))),
+    )
+    asked = case(
+        run=log,
+        gripper=hand,
+        belief=SimpleNamespace(tracks={"red_ball_1": track}),
+        family=SimpleNamespace(visits=()),
+        failures=(),
+        events=always([]),
+        hand=always((0.4, 0.0, 0.3)),
+    )
+    assert [found.cause for found in wrist_biased(asked)] == ([] if held else ["wrist.biased"])
