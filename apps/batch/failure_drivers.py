@@ -1,4 +1,4 @@
-"""Drivers of failure: settings, scenes and items of a batch, ranked by their effect on failures.
+"""Drivers of failure: settings, scenes, robots and items of a batch, ranked by their effect on failures.
 
 Each value of a factor is compared with the other values of the same factor, seed by seed. In a complete plan
 every value meets the same seeds and the same other settings, so that the mean difference is its effect. Runs
@@ -31,7 +31,7 @@ class FailureDriver:
     """Value of a factor with its effect on failures, against the other values of the factor."""
 
     factor: str
-    """Name of the setting, or `mission`, `scene`, `faults`, `kind`, `colour`."""
+    """Name of the setting, or `mission`, `scene`, `robot`, `faults`, `kind`, `colour`."""
     value: str
     subject: Subject
     failed: Rate
@@ -97,7 +97,12 @@ class DriverRanking:
                 {**asdict(each), "name": each.name, "significant": each.significant} for each in self.drivers
             ],
             "pair": None if self.pair is None else asdict(self.pair),
+            "too_few_seeds": next(self._too_few_seeds(), None),
         }
+
+    def _too_few_seeds(self) -> Iterator[str]:
+        if self.drivers and self.seeds < self.least_seeds:
+            yield f"{self.seeds} seeds: no value can be significant with fewer than {self.least_seeds}"
 
     def lines(self) -> Iterator[str]:
         """Yield a table for a terminal; nothing without a compared value."""
@@ -115,8 +120,7 @@ class DriverRanking:
             yield f"{line}{difference:<28} {p_values}{' *' if each.significant else ''}"
         if len(self.drivers) > len(shown):
             yield f"and {len(self.drivers) - len(shown)} values more"
-        if self.seeds < self.least_seeds:
-            yield f"{self.seeds} seeds: no value can be significant with fewer than {self.least_seeds}"
+        yield from self._too_few_seeds()
         if self.pair is not None:
             yield from _pair_lines(self.pair)
 
@@ -169,7 +173,7 @@ def _jobs(store: Store) -> tuple[_Job, ...]:
         missed[job] |= {("kind", kind), ("colour", colour)}
     found = _rows(
         store,
-        "SELECT job, seed, status <> 'success', mission, scene, faults, settings, folder, "
+        "SELECT job, seed, status <> 'success', mission, scene, robot, faults, settings, folder, "
         "(SELECT min(time) FROM failures WHERE failures.job = jobs.job) "
         "FROM jobs WHERE status <> 'waiting' ORDER BY number",
     )
@@ -181,6 +185,7 @@ def _jobs(store: Store) -> tuple[_Job, ...]:
             {
                 "mission": Path(mission).stem,
                 "scene": Path(scene).stem or "own",
+                "robot": Path(robot).stem or "own",
                 "faults": Path(faults).stem or "none",
                 **json.loads(settings),
             },
@@ -188,7 +193,7 @@ def _jobs(store: Store) -> tuple[_Job, ...]:
             first,
             frozenset(missed[job]),
         )
-        for job, seed, failed, mission, scene, faults, settings, folder, first in found
+        for job, seed, failed, mission, scene, robot, faults, settings, folder, first in found
     )
 
 
@@ -282,7 +287,7 @@ def _setting(success: _Job, driver: FailureDriver) -> str:
     return f" --set {shlex.quote(f'{driver.factor}={success.factors[driver.factor]}')}"
 
 
-_FILES = ("mission", "scene", "faults")
+_FILES = ("mission", "scene", "robot", "faults")
 """Factors that are files."""
 
 

@@ -175,8 +175,8 @@ class Store:
         with closing(_connect(beside)) as connection, connection:
             connection.executescript(schema())
             connection.executemany(
-                "INSERT INTO jobs (job, number, variant, mission, scene, faults, settings, seed, recipe) "
-                "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                "INSERT INTO jobs (job, number, variant, mission, scene, robot, faults, settings, seed, "
+                "recipe) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
                 map(_planned, jobs),
             )
             connection.execute(f"PRAGMA user_version = {VERSION}")
@@ -195,12 +195,12 @@ class Store:
     def jobs(self) -> tuple[Job, ...]:
         """Return the jobs in the order of the plan."""
         found = self._connection.execute(
-            "SELECT job, number, mission, scene, faults, settings, variant, seed, recipe FROM jobs "
+            "SELECT job, number, mission, scene, robot, faults, settings, variant, seed, recipe FROM jobs "
             "ORDER BY number"
         )
         return tuple(
             Job(job, number, variant, seed, recipe)
-            for job, number, mission, scene, faults, settings, label, seed, recipe in found
+            for job, number, mission, scene, robot, faults, settings, label, seed, recipe in found
             for variant in (
                 Variant(
                     Path(mission),
@@ -208,6 +208,7 @@ class Store:
                     Path(faults) if faults else None,
                     json.loads(settings),
                     label,
+                    robot or None,
                 ),
             )
         )
@@ -337,7 +338,8 @@ def _planned(job: Job) -> tuple[str | int, ...]:
     variant = job.variant
     return (
         job.id, job.number, variant.label, str(variant.mission), variant.scene or "",
-        str(variant.faults or ""), json.dumps(dict(variant.settings)), job.seed, job.recipe,
+        variant.robot or "", str(variant.faults or ""), json.dumps(dict(variant.settings)), job.seed,
+        job.recipe,
     )  # fmt: skip
 
 

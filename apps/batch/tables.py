@@ -336,6 +336,7 @@ TABLES = (
             _text("variant", "label of the recipe: its differences from the plan's other recipes"),
             _text("mission", "path of the mission"),
             _text("scene", "name or path of the scene; empty: the mission's own"),
+            _text("robot", "name or path of the robot; empty: the scene's own"),
             _text("faults", "path of the faults file; empty: none"),
             _text("settings", "settings as a JSON object"),
             table_files.Column("seed", "int", False, "", "seed of all random numbers"),

@@ -18,15 +18,18 @@ from .test_store import ITEMS, MISSED, SLIP, SUCCESS
 SETTINGS = {"rounds": ("1", "3"), "Grasp.force": ("15", "30"), "Grasp.speed": ("0.9", "1")}
 
 
+def created(tmp_path: Path, plan: BatchPlan) -> tuple[Store, tuple[Job, ...]]:
+    """Results of a plan of which nothing was run, and its jobs."""
+    (tmp_path / "b").mkdir()
+    each = enumerate(product(plan.variants(), plan.seeds))
+    jobs = tuple(Job(f"{n:016x}", n, variant, seed, "recipe") for n, (variant, seed) in each)
+    return Store.create(tmp_path / "b" / RESULTS_FILE, jobs), jobs
+
+
 def recorded(tmp_path: Path, seeds: int) -> Store:
     """Eight recipes on each seed. With one round all seeds but 11 fail, with three only seed 0."""
-    (tmp_path / "b").mkdir()
     plan = BatchPlan("test", (Path("/m/sort.yaml"),), tuple(range(seeds)), settings=SETTINGS)
-    jobs = [
-        Job(f"{n:016x}", n, variant, seed, "recipe")
-        for n, (variant, seed) in enumerate(product(plan.variants(), plan.seeds))
-    ]
-    made = Store.create(tmp_path / "b" / RESULTS_FILE, jobs)
+    made, jobs = created(tmp_path, plan)
     for job in jobs:
         fails = job.seed < 11 if job.variant.settings["rounds"] == "1" else job.seed == 0
         plate = replace(ITEMS[1], kind="plate", verdict="left" if fails else "sorted")
@@ -67,7 +70,9 @@ def test_many_runs_of_few_seeds_show_nothing(tmp_path: Path) -> None:
     assert (rounds.failed, rounds.others) == (rate(12, 12), rate(4, 12))
     assert not rounds.significant  # Fisher's test would take runs of one seed for independent: p = 0.001
     assert found.least_seeds == 8
-    assert "3 seeds: no value can be significant with fewer than 8" in "\n".join(found.lines())
+    few = "3 seeds: no value can be significant with fewer than 8"
+    assert few in "\n".join(found.lines())
+    assert found.to_json()["too_few_seeds"] == few
 
 
 def test_the_pair_of_runs_differs_in_the_driver_alone(results: Store) -> None:
@@ -80,3 +85,14 @@ def test_the_pair_of_runs_differs_in_the_driver_alone(results: Store) -> None:
     a, b = (f"{results.path.parent}@{number:016x}" for number in (1, 49))
     assert (pair.diff, pair.remake) == (f"picktree diff {a} {b}", (f"picktree resim {a}",))
     assert pair.whatif == f"picktree whatif {a} --at 4s --set rounds=3"
+
+
+def test_a_robot_is_kept_and_compared(tmp_path: Path) -> None:
+    plan = BatchPlan("test", (Path("/m/sort.yaml"),), tuple(range(9)), robots=(None, "ur10e"))
+    made, jobs = created(tmp_path, plan)
+    with made:
+        assert made.jobs() == jobs
+        for job in jobs:
+            assert made.record(job.id, JobRows(MISSED if job.variant.robot else SUCCESS))
+        (found,) = rank_drivers(made).drivers
+    assert (found.name, found.failed, found.others) == ("robot=ur10e", rate(9, 9), rate(0, 9))

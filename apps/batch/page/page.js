@@ -326,9 +326,10 @@ function drivers() {
   const header = head.map((text, n) => element("th", n ? { class: "number" } : {}, text));
   const table = element("table", {}, element("thead", {}, element("tr", {}, ...header)), element("tbody", {}, ...rows));
   const { pair } = data;
-  if (!pair) return table;
+  const few = data.too_few_seeds ? [element("p", { class: "note" }, `${data.too_few_seeds}.`)] : [];
+  if (!pair) return element("div", {}, table, ...few);
   const seed = pair.same_seed ? `both with seed ${pair.seed}` : "of different seeds";
-  return element("div", {}, table,
+  return element("div", {}, table, ...few,
     element("p", {}, `Nearest failure and success for ${pair.driver}, ${seed}:`),
     ...[...pair.remake, pair.diff, pair.whatif].map((command) => element("div", {}, element("code", {}, command))));
 }
