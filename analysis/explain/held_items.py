@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from picktree.logs import log_records
+from picktree.logs import ImageEvent, log_records
 from picktree.world import GRAVITY, Array, event_types, extents, matches
 from picktree.world.scene import CatalogueEntry
 
@@ -265,6 +265,8 @@ def _given_up_unfelt(case: Investigation, period: HeldPeriod, failure: FailureSt
     )
 
 
+LOSS_MARGIN = 0.5
+"""Time after the loss of an item from which a picture shows where it lies, s."""
 REPORT_TIME = 2.0
 """Time within which a failure reports the loss of the item, s."""
 
@@ -310,9 +312,11 @@ def explain_departure(case: Investigation, period: HeldPeriod) -> Finding | None
     title = f"{item} slid out of the fingers {between(start, end)}"
     title += ", though its mass and friction are those of its kind" if case.devices else ""
     blow = "the log does not show how fast the item left: something may have knocked it out"
+    if not case.world.is_true and case.gone(true) is not None and case.events(ImageEvent, end + LOSS_MARGIN):
+        title = f"{item} left the fingers {between(start, end)} and was not seen again"
+        against = ("it may have slid out, and have come to lie where no camera sees it",)
+        return Finding("item.gone", true, title, (departure, *until), item, start, "possible", against)
     against = (blow,) * period.unclear
-    if not case.world.is_true and case.gone(true) is not None:
-        against = ("it was not seen again: it may have been taken out of the hand",)
     return Finding("item.slipped", true, title, (departure, *well, *until), item, start, sure, against)
 
 

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 MIN_SHIFT = 0.015
 """Distance between two sightings of an item above which it has moved, m."""
+SAME_PLACE = 0.02
+"""Distance within which two sightings of a kind in other colours are one item, m."""
 EMPTY_WIDTH = 0.002
 """Opening below which the fingers hold nothing, m."""
 CARRIED_OFF = frozenset({world_facts.RODE_ON, world_facts.TAKEN_AWAY})
@@ -122,8 +124,8 @@ class SeenWorld:
 
 
 def _first_names(belief: BodyTracks) -> Mapping[str, str]:
-    """Return the first name of each item: an item that is not at its place and appears at another one gets a
-    new name there."""
+    """Return the first name of each item: an item that is not at its place and appears at another one, or at
+    its place in another colour, gets a new name there."""
     tracks = [track for track in belief.tracks.values() if track.first.role == "item"]
     ends = {track.id for track in tracks if belief.gone(track.id) is not None}
     names: dict[str, str] = {}
@@ -135,7 +137,8 @@ def _first_names(belief: BodyTracks) -> Mapping[str, str]:
             if other.id in ends
             and other.id not in followed
             and other.id != track.id
-            and (other.last.kind, other.last.colour) == (track.first.kind, track.first.colour)
+            and other.last.kind == track.first.kind
+            and (other.last.colour == track.first.colour or _way(other, track) < SAME_PLACE)
             and other.times[0] < track.times[0]
             and other.last.last_seen < track.first.last_seen - 1e-6
         ]

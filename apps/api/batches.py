@@ -62,7 +62,7 @@ class BatchResult:
         first = a or self.variants[0]
         others = [b] if b is not None else [label for label in self.variants if label != first]
         if not others:
-            raise PicktreeError("the batch has one variant only: give settings, scenes, robots or faults to compare")
+            raise PicktreeError("the batch has one variant only: give settings, scenes, robots or faults")
         base = read_recipe(f"{self.folder}@{first}")
         return VariantComparisons(
             tuple(compare_recipes(base, read_recipe(f"{self.folder}@{other}")) for other in others)

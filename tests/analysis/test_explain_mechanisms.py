@@ -21,6 +21,7 @@ from picktree.analysis.explain.item_causes import ItemDisplacement, explain_wron
 from picktree.analysis.explain.obstruction_causes import explain_hidden, explain_unreachable_bin
 from picktree.analysis.explain.run_endings import explain_missed_goal, explain_nothing_seen
 from picktree.analysis.explain.run_explanation import failures_of, investigation
+from picktree.analysis.explain.seen_world import SeenWorld
 from picktree.logs import Stamped
 from picktree.logs.log_records import BodyRecord, Scene
 from picktree.logs.series import ControlSeries, GripperSeries, JointSeries
@@ -263,3 +264,20 @@ def test_a_force_on_what_is_held_is_no_bias_of_the_wrist(held: bool) -> None:
         hand=always((0.4, 0.0, 0.3)),
     )
     assert [found.cause for found in wrist_biased(asked)] == ([] if held else ["wrist.biased"])
+
+
+@pytest.mark.parametrize(("x", "name"), [(0.4, "red_block_1"), (0.5, "blue_block_1")])
+def test_without_truth_an_item_that_changes_its_colour_where_it_lies_is_the_same(x: float, name: str) -> None:
+    def scene(time: float, at: float, colour: str) -> Stamped[Scene]:
+        body = BodyRecord("block", "box", Box((0.04, 0.04, 0.04)), colour, Pose((at, 0.2, 0.02)),
+                          id=ObjectId(f"{colour}_block_1"), last_seen=time)  # fmt: skip
+        return Stamped(time, Scene((body,), ()))
+
+    looks = [scene(0.1, 0.4, "red"), scene(5.0, x, "blue"), scene(6.0, x, "blue")]
+    asked = case(
+        belief=BodyTracks(looks),
+        events=always([]),
+        failures=(),
+        run=SimpleNamespace(log=SimpleNamespace(beliefs=always(looks))),
+    )
+    assert SeenWorld(asked).names["blue_block_1"] == name
