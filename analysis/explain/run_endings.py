@@ -114,8 +114,8 @@ def _odd_sized(case: Investigation, body: log_records.BodyRecord) -> Finding | N
 
 
 MAX_SIZE_SCATTER, MIN_FACTOR = 0.25, 1.15
-"""Greatest difference of the ratios of sides, as a share of the height's, of an item of another size, and the
-least ratio of its height."""
+"""Greatest difference of the sides' ratios of an item of another size, as a share of its height's ratio.
+The second value is the least ratio of its height."""
 
 
 def _sizes(shape: Shape) -> Array:
