@@ -15,19 +15,9 @@ from picktree.robot.perception import BackgroundModel, PosedCamera, depth_noise,
 from picktree.world import Array, extents
 
 from .case import ARM_RANGE, Investigation
-from .explanation import (
-    Finding,
-    Spans,
-    between,
-    counted,
-    distance,
-    listed_spans,
-    listed_times,
-    number,
-    place,
-    seconds,
-)
+from .explanation import Finding, Spans, number, word
 from .identities import MAX_AGE, Sighting
+from .wording import between, counted, distance, listed_spans, listed_times, place, seconds
 
 
 def camera_silent(case: Investigation) -> Iterator[Finding]:
@@ -35,7 +25,7 @@ def camera_silent(case: Investigation) -> Iterator[Finding]:
     for failure in case.failures:
         if failure.cause != "perception.no_image":
             continue
-        name = str(failure.evidence.get("camera", "")) or case.camera
+        name = word(failure, "camera") or case.camera
         start = case.visit(failure).start
         cause, title = "camera.silent", f"no image came from the camera {name}, from {seconds(start)} on"
         if (still := number(failure, "frozen")) is not None:
@@ -62,7 +52,7 @@ MAX_IMAGES = 24
 def looks(case: Investigation) -> tuple[Stamped[CameraImage], ...]:
     """Return images of the fixed cameras, spread over the run."""
     shots = case.run.images
-    fixed = {c.name for c in case.scene.cameras if c.on != "hand"} if case.scene else set[str]()
+    fixed = {camera.name for camera in case.fixed_cameras}
     theirs = [n for n, camera in enumerate(shots.cameras) if camera in fixed]
     chosen = sorted({int(n) for n in np.linspace(0, len(theirs) - 1, min(len(theirs), MAX_IMAGES))})
     return tuple(shots[theirs[n]] for n in chosen)
@@ -74,13 +64,12 @@ MIN_HEIGHT = 0.1
 
 def explain_hidden_by_arm(case: Investigation, true: str) -> Finding | None:
     """Return the finding that the arm hid an item from the fixed cameras in all images of its place."""
-    cameras = {c.name: c for c in case.scene.cameras} if case.scene else {}
     found: list[tuple[Stamped[CameraImage], float]] = []
     for shot in case.once(looks):
         body, image = case.bodies.at(true, shot.time), shot.record
         if body is None:
             continue
-        sight = PosedCamera.at(image.intrinsics, cameras[image.camera].pose)
+        sight = PosedCamera.at(image.intrinsics, case.cameras[image.camera].pose)
         top = np.array(body.pose.position)
         top[2] += extents(body.shape, body.pose.rotation())[1][2]
         ((column, row),) = pixels = np.rint(sight.pixels(top[None])).astype(np.int64)
@@ -96,17 +85,18 @@ def explain_hidden_by_arm(case: Investigation, true: str) -> Finding | None:
     if not found:
         return None
     shot, height = found[0]
-    camera, robot = shot.record.camera, case.run.info.robot
+    camera, item = shot.record.camera, case.name_of(true)
     title = f"the arm hides items on the table from the camera {camera}"
-    at = case.bodies.tracks[true].first.pose.position
+    lies = f"{item} lies at {place(case.bodies.tracks[true].first.pose.position)}"
+    shows = f"the image of {seconds(shot.time)} shows the arm there, {distance(height)} above it"
+    home = f"'home' under 'poses:' in the robot file of {case.run.info.robot}"
     reasons = (
-        f"{case.name_of(true)} lies at {place(at)}: the image of {seconds(shot.time)} shows the arm there, "
-        f"{distance(height)} above it",
+        f"{lies}: {shows}",
         f"{counted(len(found), 'image')} of its place, but none shows the item",
-        "what to change: the arm's pose during the look, mostly 'home' under 'poses:' in the robot file of "
-        f"{robot}; `picktree robot test` measures what the arm hides",
+        f"what to change: the arm's pose during the look, mostly {home}; "
+        "`picktree robot test` measures what the arm hides",
     )
-    return Finding("arm.hides_items", camera, title, reasons, case.name_of(true), shot.time)
+    return Finding("arm.hides_items", camera, title, reasons, item, shot.time)
 
 
 LEAST_NOISE = 5e-4
@@ -145,21 +135,18 @@ def _shifted(case: Investigation, start: float, end: float) -> bool:
 
 def camera_noisy(case: Investigation) -> Iterator[Finding]:
     """Find a noisy camera: its depth images scatter far more than its specified noise."""
-    cameras = {c.name: c for c in case.scene.cameras} if case.scene else {}
-    spans: dict[str, list[tuple[float, float]]] = defaultdict(list)
-    worst: dict[str, float] = {}
+    found: dict[str, dict[float, float]] = defaultdict(dict)
     for shot in case.once(looks):
-        camera = cameras[shot.record.camera]
-        if factor := noise_factor(shot.record.depth, camera.depth_noise):
-            spans[camera.name].append((shot.time, shot.time))
-            worst[camera.name] = max(worst.get(camera.name, 0.0), factor)
-    for name, times in spans.items():
-        title = _is_noisy(name, worst[name])
-        reasons = (
-            f"its depth was as noisy as this in {counted(len(times), 'image')}, {listed_spans(times)}",
-        )
-        runs = _runs([time for time, _ in times], sorted(case.run.images.times))
-        yield Finding("camera.noisy", name, title, reasons, "", times[0][0], spans=runs)
+        name = shot.record.camera
+        if factor := noise_factor(shot.record.depth, case.cameras[name].depth_noise):
+            found[name][shot.time] = factor
+    for name, factors in found.items():
+        times = list(factors)
+        noisy = f"{counted(len(times), 'image')}, {listed_spans((time, time) for time in times)}"
+        reasons = (f"its depth was as noisy as this in {noisy}",)
+        runs = _runs(times, sorted(case.run.images.times))
+        title = _is_noisy(name, max(factors.values()))
+        yield Finding("camera.noisy", name, title, reasons, "", times[0], spans=runs)
 
 
 def displaced_cameras(case: Investigation) -> tuple[Finding, ...]:
@@ -176,14 +163,13 @@ def _displaced(case: Investigation) -> Iterator[Finding]:
     if scene is None:
         return
     table = table_of(scene)
-    cameras = {c.name: c for c in scene.cameras}
     expected: dict[str, tuple[Array, float]] = {}
     found: dict[str, list[tuple[float, tuple[float, float]]]] = defaultdict(list)
     times: dict[str, list[float]] = defaultdict(list)
     for shot in case.once(looks):
         image, name = shot.record, shot.record.camera
         if name not in expected:
-            sight = PosedCamera.at(image.intrinsics, cameras[name].pose)
+            sight = PosedCamera.at(image.intrinsics, case.cameras[name].pose)
             top = 0.0 if table is None else table.pose.position[2] + extents(table.shape, np.eye(3))[1][2]
             expected[name] = BackgroundModel.of(scene, sight, table, top).depth, image.intrinsics.fx
         times[name].append(shot.time)
@@ -193,15 +179,11 @@ def _displaced(case: Investigation) -> Iterator[Finding]:
         ways = np.array([shift for _, shift in shifts])
         across, down = np.median(ways, axis=0)
         size, start = math.hypot(across, down), shifts[0][0]
-        title = (
-            f"the camera {name} is {distance(size)} from its believed pose: every object is believed "
-            "at a wrong place"
-        )
-        reasons = (
-            f"bins and fixtures appear {distance(abs(float(across)))} across and "
-            f"{distance(abs(float(down)))} down in its image from where the scene has them, "
-            f"at {listed_times([time for time, _ in shifts])}",
-        )
+        away = f"{distance(size)} from its believed pose"
+        title = f"the camera {name} is {away}: every object is believed at a wrong place"
+        shift = f"{distance(abs(float(across)))} across and {distance(abs(float(down)))} down"
+        shown = f"bins and fixtures appear {shift} in its image from where the scene has them"
+        reasons = (f"{shown}, at {listed_times([time for time, _ in shifts])}",)
         spans = _runs([time for time, _ in shifts], sorted(times[name]))
         yield Finding("camera.off", f"the camera {name}", title, reasons, "", start, spans=spans)
 
@@ -224,11 +206,8 @@ def background_shift(depth: Array, expected: Array, focal: float) -> tuple[float
     """Return the shift between a depth image and the expected one of the empty scene (h, w): right and down
     at the edges' depth, m. None without a clear shift."""
     model = np.where(np.isfinite(expected), expected, 0.0)
-    steps = np.maximum(
-        np.abs(np.diff(model, axis=1, prepend=model[:, :1])),
-        np.abs(np.diff(model, axis=0, prepend=model[:1])),
-    )
-    edge = steps > EDGE_STEP
+    across = np.abs(np.diff(model, axis=1, prepend=model[:, :1]))
+    edge = np.maximum(across, np.abs(np.diff(model, axis=0, prepend=model[:1]))) > EDGE_STEP
     near = edge.copy()
     for by in (-2, -1, 1, 2):
         near |= np.roll(edge, by, 0) | np.roll(edge, by, 1)
@@ -281,12 +260,8 @@ def colours_mistaken(case: Investigation) -> Iterator[Finding]:
         items = list(dict.fromkeys(each.item for each in sightings))
         first, start = sightings[0].body, sightings[0].time
         assert first is not None
-        title = (
-            f"{listed(items, 5)} {'was' if len(items) == 1 else 'were'} taken for {shown} and "
-            f"{'is' if len(items) == 1 else 'are'} {colour}"
-        )
-        reasons = (
-            f"the camera {case.camera} showed {colour} as {shown} {between(start, sightings[-1].time)}",
-        )
+        was, are = ("was", "is") if len(items) == 1 else ("were", "are")
+        title = f"{listed(items, 5)} {was} taken for {shown} and {are} {colour}"
         about, span = f"{colour} as {shown}", (start, sightings[-1].time)
+        reasons = (f"the camera {case.camera} showed {about} {between(*span)}",)
         yield Finding("perception.mistaken", about, title, reasons, items[0], start, spans=(span,))

@@ -15,21 +15,21 @@ import numpy as np
 from picktree.files import PicktreeError
 from picktree.logs import BeliefEvent, RunLog, Stamped, log_records, node_visits, series
 from picktree.session import CellUnpacking
-from picktree.world import (
-    Array,
-    JournalEvent,
-    Vector3,
-    event_types,
-    extents,
-    greatest_length,
-    vector3,
-)
+from picktree.world import Array, JournalEvent, Vector3, event_types, extents, greatest_length, vector3
 from picktree.world.robot_model import RobotDescription, fingers_of
-from picktree.world.scene import Bin, CatalogueEntry, Fixture, SceneDescription, destinations
+from picktree.world.scene import (
+    Bin,
+    CameraDescription,
+    CatalogueEntry,
+    Fixture,
+    SceneDescription,
+    destinations,
+)
 
 from .body_tracks import BodyTracks, DeviceState, between
 from .explanation import FailureStory, ItemVerdict
 from .identities import Identities
+from .wording import place
 
 if TYPE_CHECKING:
     from picktree.logs import RunRecord
@@ -142,23 +142,16 @@ class Investigation:
     @cached_property
     def believed(self) -> Mapping[str, tuple[str, ...]]:
         """Believed items of each true one, the first seen first."""
-        found: dict[str, tuple[str, ...]] = {}
-        for item, true in self.pairs.items():
-            found[true] = (*found.get(true, ()), item)
-        return found
+        return {true: tuple(i for i, t in self.pairs.items() if t == true) for true in self.pairs.values()}
 
     @cached_property
     def departed(self) -> Mapping[str, str]:
         """Bins by true items that were taken away with them: these items count as lying in the bin."""
         exchanges = self.events(event_types.BinExchangedEvent)
         found: dict[str, str] = {}
-        for true in self.bodies.tracks if exchanges else ():
-            gone = self.world.gone(true)
-            if gone is None:
-                continue
-            lay = self.bin_at(self.bodies.tracks[true].bodies[-1])
-            times = [at.time for at in exchanges if at.record.bin == lay]
-            if any(gone[0] - 1e-6 <= time <= gone[1] + 1e-6 for time in times):
+        for true, track in self.bodies.tracks.items() if exchanges else ():
+            gone, lay = self.world.gone(true), self.bin_at(track.last)
+            if gone and any(at.record.bin == lay for at in between(exchanges, *gone)):
                 found[true] = lay
         return found
 
@@ -254,6 +247,11 @@ class Investigation:
     def visit(self, failure: FailureStory) -> node_visits.Visit:
         return self.family.visits[failure.visit]
 
+    def halted_with(self, visit: node_visits.Visit) -> list[node_visits.Visit]:
+        """Return the visits below a visit that were halted when it ended."""
+        halted = (v for v in self.family.visits if v.outcome == node_visits.HALTED and v.last == visit.last)
+        return [v for v in halted if self.family.within(v, visit)]
+
     def events(self, kind: type[E], start: float = 0.0, end: float = math.inf) -> list[Stamped[E]]:
         """Return the events of a kind between two times, both inclusive, s."""
         found = self._by_kind.get(kind)
@@ -295,15 +293,13 @@ class Investigation:
 
     def obstacles_near(self, time: float) -> list[str]:
         """Return the obstacles near hand and arm that the robot did not know, the nearest first."""
-        found: list[tuple[float, str]] = []
-        links = self.links(time)
+        links, found = self.links(time), list[tuple[float, str]]()
         for name, body in self.obstacles_at(time) if len(links) else ():
             low, high = extents(body.shape, np.eye(3))
             local = body.pose.inverse().apply(links)
             away = np.linalg.norm(np.maximum(np.maximum(low - local, local - high), 0.0), axis=1)
-            if float(away.min()) < ARM_RANGE:
-                found.append((float(away.min()), name))
-        return [name for _, name in sorted(found)]
+            found.append((float(away.min()), name))
+        return [name for away, name in sorted(found) if away < ARM_RANGE]
 
     def obstacles_at(self, time: float) -> list[tuple[str, log_records.BodyRecord]]:
         """Return the obstacles at that time. The camera may show one later than it arrived."""
@@ -330,9 +326,8 @@ class Investigation:
         """Return the obstacle at the believed place of a body; empty without one."""
         for name, body in self.obstacles_at(seen.last_seen + 1.0):
             low, high = extents(body.shape, body.pose.rotation())
-            if float(np.abs(np.subtract(body.pose.position, seen.pose.position)).max()) < float(
-                (high - low).max()
-            ):
+            away = np.abs(np.subtract(body.pose.position, seen.pose.position))
+            if float(away.max()) < float((high - low).max()):
                 return name
         return ""
 
@@ -348,6 +343,16 @@ class Investigation:
         ]
         points = np.array(frames).reshape(-1, 3)
         return np.vstack([points, (points[1:] + points[:-1]) / 2])
+
+    @property
+    def cameras(self) -> Mapping[str, CameraDescription]:
+        """Cameras of the scene by name."""
+        return {c.name: c for c in self.scene.cameras} if self.scene else {}
+
+    @property
+    def fixed_cameras(self) -> list[CameraDescription]:
+        """Cameras of the scene that are mounted in the cell."""
+        return [camera for camera in self.cameras.values() if camera.on == "world"]
 
     @property
     def fixtures(self) -> Mapping[str, Fixture]:
@@ -385,8 +390,17 @@ class Investigation:
 
     def container(self, place: str) -> str:
         """Return a believed place when it is a bin or a hole; else an empty text."""
-        holes = (str(hole.id) for fixture in self.fixtures.values() for hole in fixture.holes)
-        return place if place in self.bins or place in set(holes) else ""
+        return place if place in self.bins or place in self.holes else ""
+
+    @property
+    def holes(self) -> frozenset[str]:
+        """Ids of the holes of all fixtures."""
+        return frozenset(str(hole.id) for fixture in self.fixtures.values() for hole in fixture.holes)
+
+    def where(self, body: log_records.BodyRecord) -> str:
+        """Return the place of a body in words: `in bin_1` or `at x 0.47, y 0.15 m`."""
+        lies = self.bin_at(body)
+        return f"in {lies}" if lies else f"at {place(body.pose.position)}"
 
     def bin_at(self, body: log_records.BodyRecord) -> str:
         """Return the bin or hole in which the body is; empty outside of all."""
@@ -394,7 +408,7 @@ class Investigation:
             return str(body.seat.hole)
         if not self.world.is_true and (believed := self.container(body.place)):
             return believed
-        for each in self.scene.bins if self.scene else ():
+        for each in self.bins.values():
             x, y, _ = (each.pose.inverse() @ body.pose).position
             if abs(x) <= each.size[0] / 2 and abs(y) <= each.size[1] / 2:
                 return str(each.id)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
@@ -12,30 +11,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from picktree.world import Array, event_types, matches
+from picktree.logs import Stamped
+from picktree.world import Array, Plan, event_types, matches
 
-from .camera_causes import (
-    camera_frozen,
-    camera_noisy,
-    camera_silent,
-    colours_mistaken,
-    displaced_cameras,
-)
+from .camera_causes import camera_frozen, camera_noisy, camera_silent, colours_mistaken, displaced_cameras
 from .case import Investigation
-from .explanation import (
-    Confidence,
-    FailureStory,
-    Finding,
-    Spans,
-    between,
-    counted,
-    force,
-    listed_spans,
-    listed_times,
-    number,
-    seconds,
-    words,
-)
+from .explanation import Confidence, FailureStory, Finding, Spans, number, words
+from .wording import between, counted, force, listed_spans, listed_times, seconds
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +69,13 @@ EFFECTS: Final[Mapping[str, DeviceEffect]] = {
 """Effects of each faulty device, by its cause."""
 
 
+def _device(
+    cause: str, about: str, title: str, spans: Spans, *reasons: str, sure: Confidence = "likely"
+) -> Finding:
+    """Return the finding about a faulty device, from the beginning of its first span on."""
+    return Finding(cause, about, title, reasons, "", spans[0][0], sure, spans=spans)
+
+
 def device_findings(case: Investigation) -> tuple[Finding, ...]:
     """Return the findings about faulty devices, the most specific first."""
     return tuple(found for detect in DETECTORS for found in detect(case))
@@ -117,7 +106,7 @@ def wrist_silent(case: Investigation) -> Iterator[Finding]:
         reason = "a reading always has noise, but these did not change"
         if stale:
             reason = f"the safety monitor saw no new reading at {listed_times(sorted(stale))}"
-        yield Finding("wrist.silent", "wrist", title, (reason,), "", spans[0][0], spans=spans)
+        yield _device("wrist.silent", "wrist", title, spans, reason)
 
 
 def smooth_spans(times: Array, forces: Array) -> Spans:
@@ -127,9 +116,8 @@ def smooth_spans(times: Array, forces: Array) -> Spans:
     """
     bends = np.asarray(np.linalg.norm(np.diff(forces, 2, axis=0), axis=1), np.float64)
     noise = bends[bends > MIN_NOISE]
-    return (
-        _spans(times[:-2], bends < NOISE_SHARE * float(np.quantile(noise, REST_SHARE))) if len(noise) else ()
-    )
+    least = NOISE_SHARE * float(np.quantile(noise, REST_SHARE)) if len(noise) else 0.0
+    return _spans(times[:-2], bends < least)
 
 
 MIN_NOISE = 0.01
@@ -261,16 +249,13 @@ def joint_weak(case: Investigation) -> Iterator[Finding]:
         efforts = np.interp(controls.times[here], joints.times, joints.efforts[:, joints.column(arm[joint])])
         flat = float(np.ptp(efforts)) < 0.05 * max(float(np.abs(efforts).max()), 1.0)
         sure: Confidence = "likely" if flat else "possible"
-        lagged = float(np.degrees(error[here, joint].max()))
-        title = (
-            f"{arm[joint]} was too weak: it lagged by up to {lagged:.1f} degrees while the others followed"
-        )
-        reasons = [
-            f"its error was more than {LAG_RATIO:.0f} times that of any other joint {listed_spans(spans)}"
-        ]
+        lagged = f"it lagged by up to {float(np.degrees(error[here, joint].max())):.1f} degrees"
+        title = f"{arm[joint]} was too weak: {lagged} while the others followed"
+        alone_by = f"more than {LAG_RATIO:.0f} times that of any other joint"
+        reasons = [f"its error was {alone_by} {listed_spans(spans)}"]
         if flat:
             reasons.append(f"its torque stayed at {abs(float(np.median(efforts))):.0f} Nm all that time")
-        yield Finding("joint.weak", arm[joint], title, tuple(reasons), "", spans[0][0], sure, spans=spans)
+        yield _device("joint.weak", arm[joint], title, spans, *reasons, sure=sure)
 
 
 def joint_saturated(case: Investigation) -> Iterator[Finding]:
@@ -290,8 +275,8 @@ def joint_saturated(case: Investigation) -> Iterator[Finding]:
         if spans:
             torque = abs(float(np.interp(spans[0][0] + 0.05, joints.times, efforts[:, joint])))
             title = f"{name} was too weak: its torque stayed at {torque:.1f} Nm while the arm was compliant"
-            reasons = (f"its torque did not change {listed_spans(spans)}, and those of the others did",)
-            yield Finding("joint.weak", name, title, reasons, "", spans[0][0], spans=spans)
+            reason = f"its torque did not change {listed_spans(spans)}, and those of the others did"
+            yield _device("joint.weak", name, title, spans, reason)
 
 
 MIN_TORQUE = 0.3
@@ -307,10 +292,8 @@ def arm_stalled(case: Investigation) -> Iterator[Finding]:
     for find in (_stalled_on_path, _stalled_softly):
         if (found := find(case, arm)) is not None:
             start, end, reasons = found
-            title = (
-                f"the arm did not move from {seconds(start)} on though it was commanded to: no drive followed"
-            )
-            span = (start - 0.1, end)
+            commanded = "though it was commanded to: no drive followed"
+            title, span = f"the arm did not move from {seconds(start)} on {commanded}", (start - 0.1, end)
             yield Finding("arm.stalled", "arm", title, reasons, "", start, spans=(span,))
 
 
@@ -410,8 +393,7 @@ def _are_stuck(width: float) -> str:
 
 def fingers_stuck(case: Investigation) -> Iterator[Finding]:
     """Find fingers that do not move in a step that closes or opens them."""
-    gripper = case.gripper
-    spans: list[tuple[float, float]] = []
+    gripper, spans = case.gripper, list[tuple[float, float]]()
     for step in sorted((*case.steps("close"), *case.steps("release")), key=lambda step: step.start):
         here = (gripper.times >= step.start - 1e-6) & (gripper.times <= step.end + 1e-6)
         widths, forces = gripper.widths[here], gripper.forces[here]
@@ -421,8 +403,8 @@ def fingers_stuck(case: Investigation) -> Iterator[Finding]:
             spans.append((step.start, step.end))
     if spans:
         title = _are_stuck(float(np.interp(spans[0][0], gripper.times, gripper.widths)))
-        reasons = (f"the command was to move, and they did not {listed_spans(spans)}",)
-        yield Finding("gripper.jammed", "gripper", title, reasons, "", spans[0][0], spans=tuple(spans))
+        reason = f"the command was to move, and they did not {listed_spans(spans)}"
+        yield _device("gripper.jammed", "gripper", title, tuple(spans), reason)
 
 
 MIN_STEP_TIME = 0.4
@@ -461,27 +443,23 @@ def planner_refuses(case: Investigation) -> Iterator[Finding]:
     def request(text: str) -> str:
         return re.sub(r"[\d.]+", "#", text)
 
-    paths: dict[str, list[tuple[float, tuple[float, ...]]]] = defaultdict(list)
-    for at in case.run.plans:
-        if at.record.outcome == "found" and at.record.start:
-            paths[request(at.record.request)].append((at.time, at.record.start))
-    blind = [
-        failure
-        for failure in case.failures
-        if failure.cause == "planning.no_path"
+    def same(one: Stamped[Plan], other: Stamped[Plan]) -> bool:
+        a, b = one.record, other.record
+        if len(a.start) != len(b.start) or request(a.request) != request(b.request):
+            return False
+        return float(np.abs(np.subtract(a.start, b.start)).max()) < SAME_PLACE
+
+    blind = any(
+        failure.cause == "planning.no_path"
         and not (words(failure, "pairs") or failure.evidence.get("joint"))
         and (number(failure, "fraction") or 0.0) <= 0.02
-    ]
+        for failure in case.failures
+    )
     refused = [at for at in case.run.plans if at.record.outcome == "planning.no_path"]
     if not blind or not refused:
         return
-    again = any(
-        time > at.time
-        and len(start) == len(at.record.start)
-        and float(np.abs(np.subtract(start, at.record.start)).max()) < SAME_PLACE
-        for at in refused
-        for time, start in paths[request(at.record.request)]
-    )
+    found = [at for at in case.run.plans if at.record.outcome == "found" and at.record.start]
+    again = any(at.time > before.time and same(before, at) for before in refused for at in found)
     span = (refused[0].time, refused[-1].time)
     often = counted(len(refused), "time")
     title = f"the planner found no way {often} {between(*span)}, though nothing was in the way"
@@ -489,7 +467,7 @@ def planner_refuses(case: Investigation) -> Iterator[Finding]:
     if again:
         reasons.append("the planner later found the paths that it had refused, from the same place")
     sure: Confidence = "likely" if again else "possible"
-    yield Finding("planner.refuses", "planner", title, tuple(reasons), "", span[0], sure, spans=(span,))
+    yield _device("planner.refuses", "planner", title, (span,), *reasons, sure=sure)
 
 
 DETECTORS: tuple[Callable[[Investigation], Iterable[Finding]], ...] = (

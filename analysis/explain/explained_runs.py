@@ -13,8 +13,9 @@ from picktree.analysis import Run
 from picktree.files import Paint, PicktreeError, listed, plain
 from picktree.logs import FigureCounts, OperatorFigures, episode_counts, log_files, run_index
 
-from .explanation import CONFIDENCES, Confidence, RootCause, counted, wrapped
+from .explanation import CONFIDENCES, Confidence, RootCause
 from .run_explanation import explain
+from .wording import counted, wrapped
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +89,7 @@ def explain_runs(
         raise PicktreeError(f"{folder}: no log in it; give a log, a run's folder, or a folder of runs")
     statuses: Counter[str] = Counter()
     cures: list[episode_counts.CureCount] = []
-    items, figures = (0, 0), list[FigureCounts]()
+    done, total, figures = 0, 0, list[FigureCounts]()
     found: dict[str, list[tuple[RootCause, bool, str]]] = {}
     unreadable: list[str] = []
     for number, log in enumerate(logs, 1):
@@ -96,28 +97,25 @@ def explain_runs(
         try:
             with Run(log) as run:
                 explanation = explain(run, items=False, truth=truth)
-                counts = run.operator_figures.runs
+                figures += run.operator_figures.runs
         except PicktreeError as error:
             unreadable.append(str(error))
             continue
-        statuses[explanation.outcome.status] += 1
+        outcome = explanation.outcome
+        statuses[outcome.status] += 1
         cures += explanation.recovery.cures
-        figures += counts
-        items = (
-            items[0] + (explanation.outcome.items_sorted or 0),
-            items[1] + (explanation.outcome.items_total or 0),
-        )
+        done, total = done + (outcome.items_sorted or 0), total + (outcome.items_total or 0)
         where = str(log.parent if log.name == "log.mcap" else log)
-        for place, root in enumerate(explanation.root_causes):
-            found.setdefault(root.cause, []).append((root, place == 0, where))
+        for root in explanation.root_causes:
+            first = root is explanation.root_causes[0]
+            found.setdefault(root.cause, []).append((root, first, where))
     causes = sorted((_cause(*each) for each in found.items()), key=lambda c: (-c.items, -c.runs, -c.seconds))
-    counts = episode_counts.by_cause(episode_counts.added_cures(cures))
     return ExplainedRuns(
         str(folder),
         tuple(statuses.most_common()),
-        items,
+        (done, total),
         tuple(causes),
-        counts,
+        episode_counts.by_cause(episode_counts.added_cures(cures)),
         tuple(unreadable),
         tuple(notes),
         OperatorFigures(tuple(figures)),

@@ -5,25 +5,18 @@ from __future__ import annotations
 import json
 import re
 import shlex
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict
-from typing import TYPE_CHECKING, cast
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Final, cast
 
 from picktree.files import Paint, listed, plain, short_names
 from picktree.logs import CureAttempt, Episodes, episode_counts, item_episodes, log_records
 from picktree.robot.manipulation import pick_candidates
 from picktree.world import Plain, event_types
 
-from .explanation import (
-    CandidateChoice,
-    Explanation,
-    FailureStory,
-    ItemStory,
-    RootCause,
-    counted,
-    seconds,
-    wrapped,
-)
+from .explanation import CandidateChoice, Explanation, FailureStory, ItemStory, RootCause
+from .wording import counted, seconds, wrapped
 
 if TYPE_CHECKING:
     from picktree.analysis import Run
@@ -88,14 +81,15 @@ MAX_SINGLE = 8
 MAX_GROUPS = 12
 """Maximum number of groups of failures in the text, unless all are requested."""
 _BODY, _HANGING = " " * 13, " " * 15
-_FATES = {
-    "cured": "cured",
-    "done_instead": "done instead",
-    "passed_over": "passed over",
-    "branched": "went another way",
-    "ended": "ended the mission",
-    "open": "still open when the log ends",
+_OUTCOMES: Final[Mapping[event_types.Fate, tuple[str, str]]] = {
+    "cured": ("cured", "Cured{cure}: {by} continued at {at}{lost}."),
+    "done_instead": ("done instead", "{by} ran this handler instead of the branch, as the mission asks."),
+    "passed_over": ("passed over", "Passed over by {by} at {at}{later}."),
+    "branched": ("went another way", "{by} took another branch at {at}, as the mission says."),
+    "ended": ("ended the mission", "The failure reached the root and ended the mission at {at}."),
+    "open": ("still open when the log ends", "The log ends before the outcome was decided."),
 }
+"""Outcome of a failure in the summary, and as a sentence."""
 
 
 def _alike(failures: Sequence[FailureStory]) -> list[list[FailureStory]]:
@@ -157,85 +151,74 @@ def cause_account(found: Explanation, cause: RootCause) -> str:
     return f"{text}: {counted(len(failures), 'failure')} at {times}{took}."
 
 
+@dataclass(frozen=True, slots=True)
 class ExplanationText:
-    """Text renderer of an explanation.
+    """Text renderer of an explanation."""
 
-    `log` is the reader's argument for the log, `program` the command name of picktree, `names` the short
-    names of nodes by their paths.
-    """
+    found: Explanation
+    log: str
+    """Argument of the reader for the log."""
+    program: str
+    """Command name of picktree."""
+    names: Mapping[str, str]
+    """Short names of nodes by their paths."""
+    paint: Paint = plain
+    everything: bool = False
+    """Whether all failures, causes and items are shown."""
 
-    def __init__(
-        self, found: Explanation, log: str, program: str, names: Mapping[str, str], paint: Paint = plain
-    ) -> None:
-        self._found = found
-        self._log, self._program, self._names, self._paint = log, program, names, paint
-
-    def text(self, head: str, notes: Sequence[str] = (), *, everything: bool = False) -> str:
+    def text(self, head: str, notes: Sequence[str] = ()) -> str:
         """`head`: what was run. `notes`: what the reader should know of the log. Without a line's end."""
-        found = self._found
-        lines = [
-            *self._outcome(),
-            head,
-            *(line for note in notes for line in wrapped(f"Note: {note}", "")),
-        ]
-        for part in (
-            self._causes(everything),
-            self._failures(everything),
-            recovery_lines(found.recovery, self._paint),
-            self._items(everything),
-            self._look(),
-        ):
-            shown = list(part)
-            if shown:
+        lines = [*self._outcome(), head]
+        lines += [line for note in notes for line in wrapped(f"Note: {note}", "")]
+        recovery = recovery_lines(self.found.recovery, self.paint)
+        for part in (self._causes(), self._failures(), recovery, self._items(), self._look()):
+            if shown := list(part):
                 lines += ["", *shown]
         return "\n".join(lines)
 
     def _outcome(self) -> list[str]:
-        outcome = self._found.outcome
+        outcome = self.found.outcome
         first, *rest = wrapped(f"{outcome.status}: {outcome.sentence}", "")
         word, _, sentence = first.partition(":")
-        return [f"{self._paint(word, 'hint' if outcome.status == 'success' else 'error')}:{sentence}", *rest]
+        return [f"{self.paint(word, 'hint' if outcome.status == 'success' else 'error')}:{sentence}", *rest]
 
-    def _title(self, text: str) -> str:
-        return self._paint(text, "place")
-
-    def _causes(self, everything: bool) -> Iterator[str]:
-        causes = self._found.root_causes
+    def _causes(self) -> Iterator[str]:
+        causes = self.found.root_causes
         if not causes:
-            if self._found.outcome.status == "success" and not self._found.failures:
-                yield self._title("Nothing failed.")
+            if self.found.outcome.status == "success" and not self.found.failures:
+                yield self.paint("Nothing failed.", "place")
             return
-        yield self._title("Root cause" if len(causes) == 1 else f"Root causes ({len(causes)})")
-        shown = causes if everything else causes[:MAX_CAUSES]
+        yield self.paint("Root cause" if len(causes) == 1 else f"Root causes ({len(causes)})", "place")
+        shown = causes if self.everything else causes[:MAX_CAUSES]
         for number, cause in enumerate(shown, 1):
-            mark = self._paint(f"{number}", "error" if cause.ended_run else "warning")
+            mark = self.paint(f"{number}", "error" if cause.ended_run else "warning")
             stop = "" if cause.title.endswith((".", "!", "?")) else "."
             first, *rest = wrapped(cause.title + stop, "     ")
             yield f"  {mark}  {first.strip()}"
             yield from rest
-            yield from wrapped(f"[{cause.cause}] {cause_account(self._found, cause)}", "     ")
-            for facts, title in (
-                (cause.reasons, ""),
-                (cause.against, "against it: "),
-                (cause.planted, "a fault was planted: "),
-            ):
-                for fact in facts:
-                    yield from wrapped(f"- {title}{fact}", "     ", "       ")
+            yield from wrapped(f"[{cause.cause}] {cause_account(self.found, cause)}", "     ")
+            facts = [
+                *cause.reasons,
+                *(f"against it: {fact}" for fact in cause.against),
+                *(f"a fault was planted: {fact}" for fact in cause.planted),
+            ]
+            for fact in facts:
+                yield from wrapped(f"- {fact}", "     ", "       ")
         if len(shown) < len(causes):
             yield f"  … {counted(len(causes) - len(shown), 'more root cause')} with lower costs (--all)"
 
-    def _failures(self, everything: bool) -> Iterator[str]:
+    def _failures(self) -> Iterator[str]:
         """Yield the failures. Many failures are grouped unless `everything` is set."""
-        failures = self._found.failures
+        failures = self.found.failures
         if not failures:
             return
-        counts = [(fate, sum(f.fate == fate for f in failures)) for fate in _FATES]
-        summary = ", ".join(f"{n} {_FATES[fate]}" for fate, n in counts if n)
-        yield self._title(f"Failures ({len(failures)}: {summary})")
-        groups = [[f] for f in failures]
-        if not everything and len(failures) > MAX_SINGLE:
-            groups = _alike(failures)
-        shown = groups if everything else groups[:MAX_GROUPS]
+        counts = Counter(f.fate for f in failures)
+        ends = ((words, counts[fate]) for fate, (words, _) in _OUTCOMES.items())
+        summary = ", ".join(f"{number} {words}" for words, number in ends if number)
+        yield self.paint(f"Failures ({len(failures)}: {summary})", "place")
+        grouped = not self.everything and len(failures) > MAX_SINGLE
+        groups = _alike(failures) if grouped else [[f] for f in failures]
+        shown = groups[:MAX_GROUPS] if grouped else groups
         for number, group in enumerate(shown):
             if number:
                 yield ""
@@ -252,66 +235,48 @@ class ExplanationText:
     def _story(self, story: FailureStory) -> Iterator[str]:
         about = f" of {story.item}" if story.item else ""
         again = f", attempt {story.attempt}" if story.attempt > 1 else ""
-        name = self._names.get(story.node, story.node)
-        fine = story.fate in ("cured", "done_instead")
-        cause = self._paint(story.cause, "hint" if fine else "warning")
         step = f", step {story.step}" if story.step else ""
-        yield f"  {story.time:7.2f} s  {name}{about}{again}{step}: {cause}"
+        cause = self.paint(story.cause, "hint" if story.cured or story.done_instead else "warning")
+        yield f"  {story.time:7.2f} s  {self._name(story.node)}{about}{again}{step}: {cause}"
         yield from wrapped(story.message or story.sentence, _BODY)
-        for choice in (c for c in story.choices if _has_details(c, story)):
-            yield from wrapped(_choice(choice), _BODY, _HANGING)
-        for sentence in story.observed:
+        choices = [_choice(choice) for choice in story.choices if _has_details(choice, story)]
+        for sentence in (*choices, *story.observed):
             yield from wrapped(sentence, _BODY, _HANGING)
         if story.because_of is not None:
-            earlier = self._found.failures[story.because_of]
-            yield from wrapped(
-                f"This failure follows from the failure at {seconds(earlier.time)} ({earlier.cause}).", _BODY
-            )
+            earlier = self.found.failures[story.because_of]
+            follows = f"This failure follows from the failure at {seconds(earlier.time)} ({earlier.cause})."
+            yield from wrapped(follows, _BODY)
         yield from wrapped(self._course(story), _BODY)
+
+    def _name(self, path: str) -> str:
+        return self.names.get(path, path)
 
     def _course(self, story: FailureStory) -> str:
         """Return the path of a failure through the tree, from the first failing node to the one that stopped
         it."""
-        parts: list[str] = []
-        way = [self._names.get(link.path, link.path) for link in story.chain if link.outcome == "FAILURE"]
-        way = list(dict.fromkeys(way))
-        if way:
-            parts.append(f"Because of it, {listed(way, 6)} failed, too.")
+        way = dict.fromkeys(self._name(link.path) for link in story.chain if link.outcome == "FAILURE")
+        parts = [f"Because of it, {listed(list(way), 6)} failed, too."] if way else []
         parts += [self._handling(handling) for handling in story.handled_by]
-        by = self._names.get(story.fate_by, story.fate_by)
-        match story.fate:
-            case "cured":
-                outcome = f"Cured{self._cure(story)}: {by} continued at {seconds(story.fate_at or 0.0)}"
-                outcome += f"; {story.seconds_lost:.1f} s lost." if story.seconds_lost else "."
-            case "done_instead":
-                outcome = f"{by} ran this handler instead of the branch, as the mission asks."
-            case "passed_over":
-                outcome = f"Passed over by {by} at {seconds(story.fate_at or 0.0)}"
-                after = story.made_good_at
-                outcome += f"; the item was placed after all at {seconds(after)}." if after else "."
-            case "branched":
-                outcome = f"{by} took another branch at {seconds(story.fate_at or 0.0)}, as the mission says."
-            case "ended":
-                outcome = (
-                    f"The failure reached the root and ended the mission at {seconds(story.fate_at or 0.0)}."
-                )
-            case _:
-                outcome = "The log ends before the outcome was decided."
+        after = story.made_good_at
+        outcome = _OUTCOMES[story.fate][1].format(
+            by=self._name(story.fate_by),
+            at=seconds(story.fate_at or 0.0),
+            cure=self._cure(story) if story.cured else "",
+            lost=f"; {story.seconds_lost:.1f} s lost" if story.seconds_lost else "",
+            later=f"; the item was placed after all at {seconds(after)}" if after else "",
+        )
         return " ".join([*parts, outcome])
 
     def _cure(self, story: FailureStory) -> str:
         """Return ` by LookAgain after 2 tries`; empty when the handler is unknown."""
-        if story.episode is None:
-            return ""
-        episode = self._found.recovery.episodes[story.episode]
-        if episode.end != "cured" or not episode.cure:
+        episode = None if story.episode is None else self.found.recovery.episodes[story.episode]
+        if episode is None or episode.end != "cured" or not episode.cure:
             return ""
         failed = f" ({', '.join(episode.failed_before)} failed before)" if episode.failed_before else ""
         return f" by {episode.cure} after {counted(episode.tries, 'try', 'tries')}{failed}"
 
     def _handling(self, handling: CureAttempt) -> str:
-        node = self._names.get(handling.node, handling.node)
-        took = f"{handling.ended} after {handling.seconds:.1f} s"
+        node, took = self._name(handling.node), f"{handling.ended} after {handling.seconds:.1f} s"
         if handling.handler == "again":
             return f"{node} ran it again."
         if handling.handler == "give_up":
@@ -320,34 +285,33 @@ class ExplanationText:
         against = f" for {handling.handler}" if handling.handler != ran else ""
         return f"{node} tried {ran}{against} ({took})."
 
-    def _items(self, everything: bool) -> Iterator[str]:
-        items = self._found.items
+    def _items(self) -> Iterator[str]:
+        items = self.found.items
         if not items:
             return
-        quiet = [i for i in items if i.state == "done" and "it belongs into" not in i.truth]
-        few = everything or len(items) <= MAX_ITEMS
-        shown = [i for i in items if few or i not in quiet]
-        yield self._title(f"Items ({len(items)}, as the robot believed)")
+        few = self.everything or len(items) <= MAX_ITEMS
+        shown = [i for i in items if few or i.state != "done" or "it belongs into" in i.truth]
+        yield self.paint(f"Items ({len(items)}, as the robot believed)", "place")
         width = max((len(i.id) for i in shown), default=0)
         for item in shown:
-            yield from wrapped(_timeline(item, width, everything), "  ", " " * (width + 10))
+            yield from wrapped(_timeline(item, width, self.everything), "  ", " " * (width + 10))
         if len(shown) < len(items):
             yield f"  … {len(items) - len(shown)} more items, done without a failure (--all)"
 
     def _look(self) -> Iterator[str]:
-        looks = self._found.look_at
+        looks = self.found.look_at
         if not looks:
             return
-        yield self._title("Look at")
+        yield self.paint("Look at", "place")
         for look in looks:
             yield from wrapped(f"{look.time:7.2f} s  {look.why}", "  ", " " * 13)
-        first = looks[0].time
+        at = f"--at {looks[0].time:.2f}"
         for title, command in (
-            ("step through it", f"replay {self._log} --at {first:.2f}"),
-            ("see it", f"snapshot {self._log} --at {first:.2f} -o moment.png"),
-            ("the whole run", f"report {self._log} -o report.html"),
+            ("step through it", f"replay {self.log} {at}"),
+            ("see it", f"snapshot {self.log} {at} -o moment.png"),
+            ("the whole run", f"report {self.log} -o report.html"),
         ):
-            yield f"  {title:<16} {self._program} {command}"
+            yield f"  {title:<16} {self.program} {command}"
 
 
 def _timeline(item: ItemStory, width: int, everything: bool) -> str:
@@ -374,46 +338,40 @@ def to_text(
     everything: bool = False,
 ) -> str:
     """Return the text without a trailing newline. `log`: the reader's argument; `program`: command name."""
-    page = ExplanationText(
-        found, shlex.quote(log), program, short_names(node.path for node in run.nodes), paint
-    )
-    return page.text(_head(run), notes_on(run), everything=everything)
+    names = short_names(node.path for node in run.nodes)
+    page = ExplanationText(found, shlex.quote(log), program, names, paint, everything)
+    cell = f"{run.info.mission}, scene {run.info.scene}, {run.info.seed_text}, {run.info.backend}"
+    return page.text(f"{cell}: {run.duration:.1f} s simulated", notes_on(run))
 
 
 def to_json_text(run: Run, found: Explanation) -> str:
     """Return one JSON object with a trailing newline: outcome, failures, recovery, root_causes, items,
     look_at, with_truth."""
-    info = run.info
-    outcome = {
-        **_plain(found.outcome),
-        "mission": info.mission,
-        "scene": info.scene,
-        "seed": info.seed,
-        "backend": info.backend,
-        "log": str(run.path),
-        "notes": list(notes_on(run)),
-    }
-    failures = [{**_plain(f), "cured": f.cured} for f in found.failures]
+    info, recovery = run.info, found.recovery
     whole = {
-        "outcome": outcome,
-        "failures": failures,
+        "outcome": {
+            **_plain(found.outcome),
+            "mission": info.mission,
+            "scene": info.scene,
+            "seed": info.seed,
+            "backend": info.backend,
+            "log": str(run.path),
+            "notes": list(notes_on(run)),
+        },
+        "failures": [{**_plain(f), "cured": f.cured} for f in found.failures],
         "recovery": {
-            "causes": [_cause(each) for each in found.recovery.causes],
+            "causes": [{**_plain(c.total), "by": [_plain(e) for e in c.by_cure]} for c in recovery.causes],
             "episodes": [
                 {"node": each.node, **each.data, "time": each.time, "cure": each.cure}
-                for each in found.recovery.episodes
+                for each in recovery.episodes
             ],
             "planted": [
                 {"message": each.message, "after": None, "end": None, **each.data}
-                for each in found.recovery.planted
+                for each in recovery.planted
             ],
         },
         "root_causes": [
-            {
-                **_plain(cause),
-                "confidence_rate": cause.rate,
-                "account": cause_account(found, cause),
-            }
+            {**_plain(cause), "confidence_rate": cause.rate, "account": cause_account(found, cause)}
             for cause in found.root_causes
         ],
         "items": [_plain(item) for item in found.items],
@@ -425,37 +383,17 @@ def to_json_text(run: Run, found: Explanation) -> str:
 
 def notes_on(run: Run) -> tuple[str, ...]:
     """Return the limits of this log that matter for the explanation."""
-    notes: list[str] = []
-    if run.recovered:
-        notes.append(run.recovered.removeprefix(f"{run.path}: "))
+    notes = [run.recovered.removeprefix(f"{run.path}: ")] if run.recovered else []
     origin = run.info.continues
     if origin is not None and origin.time > 0.0:
         of = f" of {origin.log}" if origin.log else ""
-        notes.append(
-            f"the log begins at {origin.time:.2f} s, at a checkpoint{of}; earlier events are not in it"
-        )
-    edits = [at.time for at in run.events if at.record.kind == "mission_edited"]
-    if edits:
-        times = ", ".join(f"{time:.2f} s" for time in edits)
-        notes.append(
-            f"the mission was edited while it ran, at {times}; each node is shown as it was at the time"
-        )
-    for at in run.events:
-        if isinstance(at.record, event_types.BlackboardSetEvent):
-            notes.append(f"{at.time:.2f} s: {at.record.message}")
-    return tuple(notes)
-
-
-def _head(run: Run) -> str:
-    info = run.info
-    length = f"{run.duration:.1f} s simulated"
-    return f"{info.mission}, scene {info.scene}, {info.seed_text}, {info.backend}: {length}"
-
-
-def _cause(found: episode_counts.CauseCount) -> dict[str, Plain]:
-    """Return all episodes of one cause as JSON, with the handlers in `by`."""
-    parts: list[Plain] = [_plain(each) for each in found.by_cure]
-    return {**_plain(found.total), "by": parts}
+        begins = f"the log begins at {seconds(origin.time)}, at a checkpoint{of}"
+        notes.append(f"{begins}; earlier events are not in it")
+    if edits := [seconds(at.time) for at in run.events if at.record.kind == "mission_edited"]:
+        edited = f"the mission was edited while it ran, at {', '.join(edits)}"
+        notes.append(f"{edited}; each node is shown as it was at the time")
+    changes = (at for at in run.events if isinstance(at.record, event_types.BlackboardSetEvent))
+    return (*notes, *(f"{seconds(at.time)}: {at.record.message}" for at in changes))
 
 
 def _plain(value: object) -> dict[str, Plain]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,20 +13,9 @@ from picktree.world.scene import CatalogueEntry
 
 from .camera_causes import explain_displaced_camera
 from .case import Investigation
-from .explanation import (
-    Confidence,
-    FailureStory,
-    Finding,
-    between,
-    distance,
-    force,
-    listed_times,
-    number,
-    numbers,
-    place,
-    seconds,
-)
+from .explanation import MIN_VERTICAL, Confidence, FailureStory, Finding, contact_of, number
 from .seen_world import EMPTY_WIDTH, felt_departure
+from .wording import between, distance, force, listed_times, place, seconds
 
 GRIP_SHARE = 0.5
 """Share of the greatest finger force above which the fingers are taken to press on something."""
@@ -50,30 +39,22 @@ class GripPeriod:
     """Maximum force of a finger, N."""
     load: float
     """Maximum steady downward load during the grip, N; 0 without a grip."""
-    width: float
-    """Opening at the end, m."""
 
 
 def grip_within(case: Investigation, start: float, end: float) -> GripPeriod | None:
     """Return the last closing between two times (s); None when the fingers did not close."""
     gripper, wrenches = case.gripper, case.run.wrenches
     here = np.flatnonzero((gripper.times >= start - 1e-6) & (gripper.times <= end + 1e-6))
-    if not len(here):
-        return None
-    width, efforts = gripper.widths[here], gripper.forces[here]
-    closed = _closing(width, efforts)
+    closed = _closing(gripper.widths[here], gripper.forces[here]) if len(here) else None
     if closed is None:
         return None
-    times = gripper.times[here][closed:]
-    effort = efforts[closed:]
-    force = float(effort.max())
+    times, effort = gripper.times[here][closed:], gripper.forces[here][closed:]
+    force, load = float(effort.max()), 0.0
     pressing = effort > GRIP_SHARE * force
-    load = 0.0
-    if force > 0.0 and bool(pressing.any()):
-        steady = _steady(-wrenches.forces[:, 2])
-        felt = np.interp(times, wrenches.times, steady) if len(wrenches.times) else np.zeros(len(times))
+    if force > 0.0 and bool(pressing.any()) and len(wrenches.times):
+        felt = np.interp(times, wrenches.times, _steady(-wrenches.forces[:, 2]))
         load = max(float(felt[pressing].max()), 0.0)
-    return GripPeriod(float(times[0]), force, load, float(width[-1]))
+    return GripPeriod(float(times[0]), force, load)
 
 
 def _closing(width: Array, effort: Array) -> int | None:
@@ -90,10 +71,8 @@ def _steady(values: Array) -> Array:
     """Return the minimum of neighbouring readings, which suppresses short peaks."""
     if len(values) < LOAD_WINDOW:
         return values
-    windows = np.lib.stride_tricks.sliding_window_view(
-        np.pad(values, LOAD_WINDOW // 2, mode="edge"), LOAD_WINDOW
-    )
-    return windows.min(axis=1)
+    padded = np.pad(values, LOAD_WINDOW // 2, mode="edge")
+    return np.lib.stride_tricks.sliding_window_view(padded, LOAD_WINDOW).min(axis=1)
 
 
 SLIP_SHARE = 0.5
@@ -108,8 +87,6 @@ JOLT_FORCE = 3.0
 """Force that lifting and braking may add to a weight, N."""
 WEIGHT_SHARE = 0.6
 """Share of a pull that stopped the arm from which on the item's known weight explains it."""
-MAX_DOWNWARD = -0.8
-"""Component along z of a contact's direction below which it pulls straight down."""
 GRIP_FACTOR = 1.3
 """Ratio of the weight that the fingers should hold to the item's weight."""
 MIN_SEPARATION = 0.015
@@ -156,27 +133,31 @@ def held_periods(case: Investigation) -> tuple[HeldPeriod, ...]:
     return tuple(sorted(found, key=lambda period: period.start))
 
 
+def holds_of(case: Investigation, true: str) -> list[HeldPeriod]:
+    """Return the periods in which a true item was believed in the hand, in order of time."""
+    return [period for period in case.once(held_periods) if period.true == true]
+
+
 def _period(case: Investigation, item: str, true: str, start: float, end: float) -> HeldPeriod:
+    period = HeldPeriod(item, true, start, end, None)
     if not case.world.is_true:
-        return HeldPeriod(item, true, start, end, felt_departure(case, item, start, end), unclear=True)
-    track = case.bodies.tracks[true]
+        return replace(period, left=felt_departure(case, item, start, end), unclear=True)
     gone = case.gone(true)
-    base, before, moving = None, start, None
-    for time, body in track.since(start, case.opens(start, end)):
+    base, before, moving = None, start, False
+    for time, body in case.bodies.tracks[true].since(start, case.opens(start, end)):
         hand = case.hand(time)
         if hand is None:
             continue
         away = math.dist(hand, body.pose.position)
         if base is None and away > reach_of(body) and time < start + 1.0:
-            return HeldPeriod(item, true, start, end, (start, start), unclear=True)
+            return replace(period, left=(start, start), unclear=True)
         base = away if base is None else min(base, away)
         if away > base + MIN_SEPARATION:
             flung = _flung(case, true, before, time)
-            return HeldPeriod(item, true, start, end, (before, time), flung is True, flung is None)
-        before, moving = time, hand
-    if gone is not None and start - 1e-6 <= gone[1] <= end + case.sampled and moving is not None:
-        return HeldPeriod(item, true, start, end, gone)
-    return HeldPeriod(item, true, start, end, None)
+            return replace(period, left=(before, time), flung=flung is True, unclear=flung is None)
+        before, moving = time, True
+    taken = gone is not None and start - 1e-6 <= gone[1] <= end + case.sampled and moving
+    return replace(period, left=gone) if taken else period
 
 
 def reach_of(body: log_records.BodyRecord) -> float:
@@ -206,15 +187,14 @@ def explain_drop(case: Investigation, failure: FailureStory) -> Finding | None:
     if not any(matches(pattern, failure.cause) for pattern in HOLD_FAILURES):
         return None
     true = case.pairs.get(failure.item)
-    periods = [p for p in case.once(held_periods) if p.true == true and p.start <= failure.time + 1e-6]
+    periods = [p for p in holds_of(case, true or "") if p.start <= failure.time + 1e-6]
     period = periods[-1] if periods else None
-    if true is None or period is None or (period.left is None and period.end < failure.time - LOSS_TIME):
+    if period is None or period.end < failure.time - LOSS_TIME:
         return None
     if period.left is None or period.left[0] > failure.time + case.sampled:
         return _let_go(case, failure, period)
-    if failure.time - period.end > LOSS_TIME or _seen_since(case, true, period.end, failure.time):
-        return None
-    return explain_departure(case, period)
+    seen = _seen_since(case, period.true, period.end, failure.time)
+    return None if seen else explain_departure(case, period)
 
 
 LOSS_TIME = 10.0
@@ -258,14 +238,11 @@ def _given_up_unfelt(case: Investigation, period: HeldPeriod, failure: FailureSt
     """Whether the robot released an item that it did not feel, and then did not find it at its old place."""
     change = next((at for at in case.changes(period.item) if abs(at.time - period.end) < 1e-6), None)
     unfelt = change is not None and change.record.reason == "not felt in the hand"
-    return (
-        unfelt
-        and failure.cause == "grasp.missed"
-        and not _seen_since(case, period.true, period.end, failure.time)
-    )
+    missed = unfelt and failure.cause == "grasp.missed"
+    return missed and not _seen_since(case, period.true, period.end, failure.time)
 
 
-LOSS_MARGIN = 0.5
+FALL_TIME = 0.5
 """Time after the loss of an item from which a picture shows where it lies, s."""
 REPORT_TIME = 2.0
 """Time within which a failure reports the loss of the item, s."""
@@ -291,16 +268,12 @@ def explain_departure(case: Investigation, period: HeldPeriod) -> Finding | None
     lies = case.bodies.tracks[true].before(end + 1.0)
     where = "" if lies is None else f"; it came to lie at {place(lies.pose.position)}"
     departure = f"{case.truly}it left the fingers {between(start, end)}{where}"
-    until = [f"the robot believed the item in the hand until {seconds(period.end)}"] * (
-        period.end - end > 1.0
-    )
-    if not case.world.is_true:
-        where = "" if case.gone(true) is None else "; it was not seen again"
+    believed = f"the robot believed the item in the hand until {seconds(period.end)}"
+    until = [believed] if period.end - end > 1.0 else []
     found = item_deviation(case, item, true, end) or _weak_grip(case, period)
     if found is not None:
-        reasons = (*found.reasons, departure, *until)
-        return Finding(found.cause, found.about, found.title, reasons, item, start, found.confidence)
-    others = [p for p in case.once(held_periods) if p.true == true and p.left is None and p is not period]
+        return replace(found, reasons=(*found.reasons, departure, *until), item=item, time=start)
+    others = [p for p in holds_of(case, true) if p.left is None and p is not period]
     well = [f"the hand held it without slip at {listed_times([p.start for p in others])}"] if others else []
     if period.flung:
         title = f"{item} was knocked out of the hand {between(start, end)}"
@@ -312,11 +285,11 @@ def explain_departure(case: Investigation, period: HeldPeriod) -> Finding | None
     title = f"{item} slid out of the fingers {between(start, end)}"
     title += ", though its mass and friction are those of its kind" if case.devices else ""
     blow = "the log does not show how fast the item left: something may have knocked it out"
-    if not case.world.is_true and case.gone(true) is not None and case.events(ImageEvent, end + LOSS_MARGIN):
+    if not case.world.is_true and gone is not None and case.events(ImageEvent, end + FALL_TIME):
         title = f"{item} left the fingers {between(start, end)} and was not seen again"
         against = ("it may have slid out, and have come to lie where no camera sees it",)
-        return Finding("item.gone", true, title, (departure, *until), item, start, "possible", against)
-    against = (blow,) * period.unclear
+        return Finding("item.gone", true, title, tuple(until), item, start, "possible", against)
+    against = (blow,) if period.unclear else ()
     return Finding("item.slipped", true, title, (departure, *well, *until), item, start, sure, against)
 
 
@@ -328,14 +301,17 @@ def item_deviation(case: Investigation, item: str, true: str, time: float) -> Fi
         return None if entry is None or case.world.is_true else _weighed_deviation(case, true, entry, time)
     mass, friction = state.masses.get(true, entry.mass), state.frictions.get(true, entry.friction)
     if mass > MASS_RATIO * entry.mass:
-        title = f"{item} is heavier than its kind: it weighs {mass:.2f} kg"
-        reasons = (f"by the catalogue a {entry.kind} weighs {entry.mass:.2f} kg",)
-        return Finding("item.heavy", true, title, reasons, item, time)
+        return _heavy(item, true, f"is heavier than its kind: it weighs {mass:.2f} kg", entry, time)
     if friction < FRICTION_RATIO * entry.friction:
         title = f"{item} is slipperier than its kind: its friction is {friction:.2f}"
         reasons = (f"by the catalogue a {entry.kind} has {entry.friction:.2f}",)
         return Finding("item.slippery", true, title, reasons, item, time)
     return None
+
+
+def _heavy(item: str, about: str, words: str, entry: CatalogueEntry, time: float) -> Finding:
+    reasons = (f"by the catalogue a {entry.kind} weighs {entry.mass:.2f} kg",)
+    return Finding("item.heavy", about, f"{item} {words}", reasons, item, time)
 
 
 def _weighed_deviation(case: Investigation, true: str, entry: CatalogueEntry, time: float) -> Finding | None:
@@ -344,13 +320,10 @@ def _weighed_deviation(case: Investigation, true: str, entry: CatalogueEntry, ti
     picks = [at for at in case.events(event_types.PickEvent, end=time + 0.25) if at.record.object in names]
     loads = [(at.record.load, at) for at in picks if at.record.held and at.record.load is not None]
     load, at = max(loads, key=lambda each: each[0], default=(0.0, None))
-    weight = entry.mass * GRAVITY
-    if at is None or load < MASS_RATIO * weight + WEIGHING_NOISE:
+    if at is None or load < MASS_RATIO * entry.mass * GRAVITY + WEIGHING_NOISE:
         return None
-    item = at.record.object
-    title = f"{item} is heavier than its kind: the wrist weighed {load / GRAVITY:.2f} kg"
-    reasons = (f"by the catalogue a {entry.kind} weighs {entry.mass:.2f} kg",)
-    return Finding("item.heavy", true, title, reasons, item, at.time)
+    words = f"is heavier than its kind: the wrist weighed {load / GRAVITY:.2f} kg"
+    return _heavy(at.record.object, true, words, entry, at.time)
 
 
 LOAD_FAILURES = (
@@ -365,34 +338,29 @@ def _weak_grip(case: Investigation, period: HeldPeriod) -> Finding | None:
     """Return the finding that the grip force was too small for the item; else None."""
     entry = case.entry_of(period.true)
     assert period.left is not None
-    around = [v.start for v in case.family.visits if v.id == "Grasp" and v.start <= period.start <= v.end]
-    grip = grip_within(case, max(around, default=0.0), period.left[1])
+    grasps = [v for v in case.family.visits if v.id == "Grasp" and v.start <= period.start]
+    around = max((v.start for v in grasps if period.start <= v.end), default=0.0)
+    grip = grip_within(case, around, period.left[1])
     if grip is None or entry is None or grip.force <= 0.0:
         return None
     item, weight, holds = period.item, entry.mass * GRAVITY, 2.0 * entry.friction * grip.force
-    pressed = (
-        f"the fingers pressed with {force(grip.force)} and the item slid out under a load of at "
-        f"most {force(grip.load)}"
-    )
-    should = f"with the catalogue's friction of {entry.friction:g} they would hold {force(holds)}"
+    weighs = f"a {entry.kind} weighs {force(weight)}"
     if holds < GRIP_FACTOR * weight:
-        node = next(
-            (v.path for v in reversed(case.family.visits) if v.id == "Grasp" and v.start <= period.start), ""
-        )
         title = f"{item} was gripped with too little force: {force(grip.force)} per finger"
-        reasons = (
-            f"two fingers at {force(grip.force)} and a friction of {entry.friction:g} hold {force(holds)}, "
-            f"and a {entry.kind} weighs {force(weight)}",
-        )
+        fingers = f"two fingers at {force(grip.force)} and a friction of {entry.friction:g}"
+        reasons = (f"{fingers} hold {force(holds)}, and {weighs}",)
         # The force is the mission's: all items that are gripped so are one cause.
-        return Finding("grasp.weak", node, title, reasons, item, grip.closed)
+        return Finding("grasp.weak", grasps[-1].path if grasps else "", title, reasons, item, grip.closed)
     if case.devices:
         return None  # mass and friction are known: they are those of its kind
+    slid = f"the fingers pressed with {force(grip.force)} and the item slid out"
+    pressed = f"{slid} under a load of at most {force(grip.load)}"
+    should = f"with the catalogue's friction of {entry.friction:g} they would hold {force(holds)}"
     if grip.load > WEIGHT_RATIO * weight + JOLT_FORCE:
         title = f"{item} is heavier than its kind: it slipped under {force(grip.load)}"
-        reasons = (f"by the catalogue a {entry.kind} weighs {force(weight)}", pressed, should)
+        reasons = (f"by the catalogue {weighs}", pressed, should)
         return Finding("item.heavy", period.true, title, reasons, item, grip.closed, "possible")
-    others = [p for p in case.once(held_periods) if p.true == period.true and p is not period]
+    others = [p for p in holds_of(case, period.true) if p is not period]
     often = case.world.is_true or any(p.left is not None for p in others)
     if grip.load < SLIP_SHARE * holds and often and all(p.left is not None for p in others):
         most = (grip.load + 0.05) / (2.0 * grip.force)
@@ -416,33 +384,22 @@ def explain_overweight(case: Investigation, failure: FailureStory) -> Finding | 
     nature = item_deviation(case, held.id, true, failure.time)
     if nature is not None and nature.cause == "item.heavy":
         return nature
-    pull, down = _pull(failure)
+    size, vertical = contact_of(failure)
+    pull, down = size or 0.0, size is not None and vertical < -MIN_VERTICAL
     weight = entry.mass * GRAVITY
     if failure.cause == "safety.payload" and not down:
-        title = f"{held.id} weighs more than the hand may carry: {failure.message}"
-        reasons = (f"by the catalogue a {entry.kind} weighs {entry.mass:.2f} kg",)
-        return Finding("item.heavy", true, title, reasons, held.id, failure.time)
+        words = f"weighs more than the hand may carry: {failure.message}"
+        return _heavy(held.id, held.id, words, entry, failure.time)
     if down and weight > WEIGHT_SHARE * pull:
-        title = (
-            f"{held.id} weighs {force(weight)} by the catalogue, and pulled the hand down with {force(pull)}"
-        )
-        return Finding("item.heavy", true, title, (failure.message,), held.id, failure.time)
+        weighs = f"{held.id} weighs {force(weight)} by the catalogue"
+        title = f"{weighs}, and pulled the hand down with {force(pull)}"
+        return Finding("item.heavy", held.id, title, (failure.message,), held.id, failure.time)
     if not down or pull < WEIGHT_RATIO * weight + JOLT_FORCE or (case.devices and nature is None):
         return None
     title = f"{held.id} is heavier than its kind: it pulled the hand down with {force(pull)}"
+    fast = "the item was heavy or something held it fast"
     reasons = (
         f"by the catalogue a {entry.kind} weighs {force(weight)}",
-        "the hand held the item then, and the force pulled straight down: the item was heavy or something "
-        "held it fast",
+        f"the hand held the item then, and the force pulled straight down: {fast}",
     )
-    return Finding("item.heavy", true, title, reasons, held.id, failure.time, "possible")
-
-
-def _pull(failure: FailureStory) -> tuple[float, bool]:
-    """Return the force of a contact, N, and whether it pulls down."""
-    vector = numbers(failure, "force")  # of a safety stop
-    if len(vector) == 3:
-        size = math.hypot(*vector)
-        return size, size > 0.0 and vector[2] / size < MAX_DOWNWARD
-    size, direction = number(failure, "force"), numbers(failure, "direction")
-    return (size, direction[2] < MAX_DOWNWARD) if size is not None and len(direction) == 3 else (0.0, False)
+    return Finding("item.heavy", held.id, title, reasons, held.id, failure.time, "possible")

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final, TypeAlias
@@ -19,35 +19,16 @@ from picktree.files import listed
 from picktree.logs import Stamped
 from picktree.world import event_types, world
 
+from . import held_items, item_causes, obstruction_causes, run_endings, unsorted_items
 from .camera_causes import looks
 from .case import Investigation
 from .confidence import fitted_rate, stated
 from .device_causes import device_findings, devices_behind
-from .explanation import Confidence, ExplainedOutcome, Explanation, FailureStory, Finding, RootCause, seconds
-from .held_items import explain_drop, explain_overweight, held_periods, pressed_from_below
-from .item_causes import (
-    explain_misjudged_place,
-    explain_missing_item,
-    explain_too_wide,
-    explain_wrong_place,
-    explain_wrong_size,
-)
-from .obstruction_causes import explain_contact, explain_obstruction
+from .explanation import Confidence, ExplainedOutcome, Explanation, FailureStory, Finding, RootCause
+from .held_items import held_periods, pressed_from_below
 from .predictions import refutations
-from .run_endings import (
-    explain_missed_goal,
-    explain_missing_grasp,
-    explain_mission_error,
-    explain_run_end,
-    explain_unacknowledged_stop,
-)
-from .unsorted_items import (
-    explain_crushed_item,
-    explain_left_in_tote,
-    explain_unsorted,
-    explain_wrong_bin,
-    placed_at,
-)
+from .unsorted_items import explain_crushed_item, explain_unsorted, placed_at
+from .wording import seconds
 
 DISPLACEMENT_CAUSES = frozenset(
     {"item.moved", "item.left_bin", "item.pushed_by_arm", "item.struck",
@@ -58,16 +39,9 @@ PLACE_CAUSES = frozenset(
 )
 """Causes due to an item's place: their root is the event that brought the item there."""
 RUN_CAUSES = frozenset(
-    {
-        "run.interrupted",
-        "run.stopped",
-        "run.killed",
-        "run.crashed",
-        "run.going_on",
-        "run.paused",
-        "tree.condition",
-    }
-)
+    {"run.interrupted", "run.stopped", "run.killed", "run.crashed", "run.going_on", "run.paused",
+     "tree.condition"}
+)  # fmt: skip
 """Causes that end a run by themselves."""
 MIN_SHARE = 0.2
 """Least share of a timed-out run that the failures must have cost to be the reason of the timeout."""
@@ -83,54 +57,32 @@ def explain_device_fault(case: Investigation, failure: FailureStory) -> Finding 
 
 def explain_push_from_below(case: Investigation, failure: FailureStory) -> Finding | None:
     """Return the finding about the body that bore the weight of an item reported as slipped; else None."""
-    return explain_contact(case, failure) if pressed_from_below(failure) else None
+    return obstruction_causes.explain_contact(case, failure) if pressed_from_below(failure) else None
 
 
-@dataclass(frozen=True, slots=True)
-class Hypothesis:
-    """Hypothesis about the cause of a failure."""
+HYPOTHESES: Final[tuple[tuple[FailureDetector, int], ...]] = (
+    (explain_device_fault, 3),
+    (unsorted_items.explain_left_in_tote, 3),
+    (run_endings.explain_mission_error, 3),
+    (run_endings.explain_missing_grasp, 3),
+    (item_causes.explain_wrong_size, 2),
+    (item_causes.explain_too_wide, 2),
+    (held_items.explain_overweight, 2),
+    (item_causes.explain_missing_item, 2),
+    (explain_push_from_below, 1),
+    (held_items.explain_drop, 1),
+    (item_causes.explain_wrong_place, 1),
+    (unsorted_items.explain_wrong_bin, 1),
+    (obstruction_causes.explain_obstruction, 1),
+    (item_causes.explain_misjudged_place, 0),
+    (run_endings.explain_unacknowledged_stop, 0),
+    (obstruction_causes.explain_contact, 0),
+)
+"""Hypotheses about a failure, each with the strength of its evidence; of equal ones the first counts.
 
-    explain: FailureDetector
-    """Test on the log: the finding, or None."""
-    evidence: int
-    """Strength of its evidence. 3: the device itself, or the failure's message. 2: a measured property.
-    1: a place or an event in the cell. 0: a contact with a body that is near."""
-    must: str
-    """Records that the log then has: the test finds them. `PREDICTIONS` has what follows besides."""
-
-
-HYPOTHESES: Final[tuple[Hypothesis, ...]] = (
-    Hypothesis(
-        explain_device_fault, 3,
-        "readings, set points or images that no working device gives, at the time of the failure",
-    ),
-    Hypothesis(explain_left_in_tote, 3, "a search for grasps in a tote that found none"),
-    Hypothesis(
-        explain_mission_error, 3, "a cause of the tree: time-out, missing input, exception, no case"
-    ),
-    Hypothesis(explain_missing_grasp, 3, "a place before any grasp"),
-    Hypothesis(explain_wrong_size, 2, "an opening or a true size that is not the kind's"),
-    Hypothesis(explain_too_wide, 2, "no grasp candidate, and a width beyond the opening"),
-    Hypothesis(
-        explain_overweight, 2, "a load on the wrist, or a true mass, beyond the kind's weight"
-    ),
-    Hypothesis(
-        explain_missing_item, 2, "a sighting at a place without an item"
-    ),
-    Hypothesis(explain_push_from_below, 1, "a negative load with the item still between the fingers"),
-    Hypothesis(
-        explain_drop, 1, "fingers that close further, a load that goes, or an item that leaves the hand",
-    ),
-    Hypothesis(
-        explain_wrong_place, 1, "an item beside its believed place, or nowhere"
-    ),
-    Hypothesis(explain_wrong_bin, 1, "a placement into a bin that the scene's rules do not name"),
-    Hypothesis(explain_obstruction, 1, "refused candidates or plans, with the bodies that they touch"),
-    Hypothesis(explain_misjudged_place, 0, "a resting item that was seen elsewhere"),
-    Hypothesis(explain_unacknowledged_stop, 0, "a safety stop that nothing has acknowledged"),
-    Hypothesis(explain_contact, 0, "a contact force, and the body next to the hand"),
-)  # fmt: skip
-"""Hypotheses; of equal ones the first counts."""
+3: the device itself, or the failure's message. 2: a measured property. 1: a place or an event in the cell.
+0: a contact with a body that is near.
+"""
 EVIDENCE_WEIGHT, SHARE_WEIGHT, AGAINST_WEIGHT, DOUBT_WEIGHT = 1.0, 0.8, 0.7, 0.3
 """Weights: of a step of evidence, of the share of failures that are explained, of a piece of
 counter-evidence, and of a doubtful finding."""
@@ -142,15 +94,15 @@ def _ranked(case: Investigation) -> Mapping[int, Finding]:
     """Return the best finding for each failure, with its rival as counter-evidence."""
     found: dict[int, list[tuple[float, Finding]]] = {}
     for failure in case.failures:
-        answers = ((each.evidence, _tested(case, failure, each)) for each in HYPOTHESES)
+        answers = ((evidence, _tested(case, failure, explain)) for explain, evidence in HYPOTHESES)
         found[failure.number] = [
             (_strength(evidence, answer), answer) for evidence, answer in answers if answer is not None
         ]
-    explained = Counter(key for each in found.values() for key in {_key(answer) for _, answer in each})
+    explained = Counter(key for each in found.values() for key in {answer.key for _, answer in each})
     best: dict[int, Finding] = {}
     for number, answers in found.items():
         scored = [
-            (strength + SHARE_WEIGHT * explained[_key(answer)] / len(found), -place, answer)
+            (strength + SHARE_WEIGHT * explained[answer.key] / len(found), -place, answer)
             for place, (strength, answer) in enumerate(answers)
         ]
         scored.sort(key=lambda each: each[:2], reverse=True)
@@ -159,18 +111,11 @@ def _ranked(case: Investigation) -> Mapping[int, Finding]:
     return best
 
 
-def _tested(case: Investigation, failure: FailureStory, hypothesis: Hypothesis) -> Finding | None:
+def _tested(case: Investigation, failure: FailureStory, explain: FailureDetector) -> Finding | None:
     """Return the finding with the records that contradict its predictions; None without a finding."""
-    found = hypothesis.explain(case, failure)
+    found = explain(case, failure)
     against = () if found is None else refutations(case, failure, found)
-    if found is None or not against:
-        return found
-    sure: Confidence = "possible" if found.confidence == "likely" else found.confidence
-    return replace(found, against=(*found.against, *against), confidence=sure)
-
-
-def _key(finding: Finding) -> tuple[str, str]:
-    return finding.cause, finding.about
+    return found if found is None or not against else found.weakened(*against)
 
 
 def _strength(evidence: int, finding: Finding) -> float:
@@ -184,12 +129,10 @@ def _with_rival(scored: Sequence[tuple[float, int, Finding]]) -> Finding:
     rival = next(((s, f) for s, _, f in scored[1:] if f.cause != first.cause), None)
     if rival is None or score - rival[0] > RIVAL_MARGIN:
         return first
-    close = score - rival[0] < MIN_MARGIN
-    return replace(
-        first,
-        against=(*first.against, f"this fits, too: {rival[1].title}"),
-        confidence="possible" if close and first.confidence == "likely" else first.confidence,
-    )
+    fits = f"this fits, too: {rival[1].title}"
+    if score - rival[0] < MIN_MARGIN:
+        return first.weakened(fits)
+    return replace(first, against=(*first.against, fits))
 
 
 RIVAL_MARGIN = 0.75
@@ -219,7 +162,7 @@ def root_causes_of(
     groups: dict[tuple[str, str], _Group] = {}
 
     def group(finding: Finding) -> _Group:
-        found = groups.setdefault((finding.cause, finding.about), _Group())
+        found = groups.setdefault(finding.key, _Group())
         found.findings.append(finding)
         return found
 
@@ -235,11 +178,19 @@ def root_causes_of(
     for item, finding in lost_before.items():
         if item not in case.pairs and finding.cause == "item.gone":  # the truth of this log lacks it
             group(finding).items[item] = None
-    ending = explain_run_end(case, outcome) or (explain_missed_goal(case, outcome) if not groups else None)
+    ending = run_endings.explain_run_end(case, outcome)
+    if ending is None and not groups:
+        ending = run_endings.explain_missed_goal(case, outcome)
     if ending is not None:
         group(ending)
-    costs = _costs(case, by_failure)
-    roots = [_fitted(case, _root(case, each, outcome, planted, costs, ending)) for each in groups.values()]
+    costs: dict[tuple[str, str], float] = defaultdict(float)
+    for failure in case.failures:  # an episode counts once, for its first failure
+        costs[by_failure[failure.number].key] += failure.seconds_lost
+    ended = None if ending is None else ending.key
+    roots = [
+        _fitted(case, _root(case, each, outcome, planted, costs[key], at_the_end=key == ended))
+        for key, each in groups.items()
+    ]
     spent = sum(root.seconds_lost for root in roots)
     to_blame = outcome.status == "timeout" and spent > MIN_SHARE * outcome.end
     roots.sort(key=lambda root: _order(root, ended_late=to_blame))
@@ -274,13 +225,13 @@ def _findings_by_failure(case: Investigation) -> Mapping[int, Finding]:
 def _lost_before(case: Investigation, earlier: Explanation) -> dict[str, Finding]:
     """Return the findings on items that were lost before the log begins, by their believed names."""
     begins = case.run.ticks.times[0] if case.run.ticks.times else 0.0
+    touched = {failure.item for failure in case.failures}
     found: dict[str, Finding] = {}
     for root in earlier.root_causes:
+        reasons = (f"this log begins later, at {seconds(begins)}", *root.reasons)
+        sure: Confidence = "possible" if root.doubtful else "likely"
         for item in root.items if root.time is not None and root.time < begins else ():
-            touched = any(f.item == item for f in case.failures)
-            if not touched and placed_at(case, case.pairs.get(item, "")) is None:
-                reasons = (f"this log begins later, at {seconds(begins)}", *root.reasons)
-                sure: Confidence = "possible" if root.doubtful else "likely"
+            if item not in touched and placed_at(case, case.pairs.get(item, "")) is None:
                 where = (root.cause, root.item, root.title, reasons, root.item, root.time)
                 found[item] = Finding(*where, sure, root.against)
     return found
@@ -310,19 +261,16 @@ MIN_STEP = 1e-3
 
 def _failure_message_finding(case: Investigation, failure: FailureStory) -> Finding:
     """Return the failure's own message as finding, for a log without evidence of a cause."""
-    about = failure.item or failure.node
-    if failure.cause == world.UNKNOWN_OBJECT.name and failure.item and failure.item not in case.belief.tracks:
-        title = f"the mission names the object {failure.item!r}, which was never in the belief"
-        known = listed(list(case.belief.tracks), 5) or "nothing"
-        reasons = (
-            f"the belief had {known}",
-            f'a key of the blackboard needs braces, as "{{{failure.item}}}"',
-        )
+    item, about = failure.item, failure.item or failure.node
+    if failure.cause == world.UNKNOWN_OBJECT.name and item and item not in case.belief.tracks:
+        title = f"the mission names the object {item!r}, which was never in the belief"
+        known = f"the belief had {listed(list(case.belief.tracks), 5) or 'nothing'}"
+        reasons = (known, f'a key of the blackboard needs braces, as "{{{item}}}"')
         return failure.finding(failure.cause, about, title, reasons)
     message = failure.message or failure.sentence
-    of = f" of {failure.item}" if failure.item and failure.item not in message else ""
-    title = f"{failure.name}{of} failed: {message}"
+    of = f" of {item}" if item and item not in message else ""
     reasons = ("nothing else in the log shows the cause",)
+    title = f"{failure.name}{of} failed: {message}"
     return failure.finding(failure.cause, about, title, reasons, "the log does not tell")
 
 
@@ -330,8 +278,8 @@ def _unsorted(case: Investigation, outcome: ExplainedOutcome) -> list[str]:
     """Return the true items that are not at their destination at the end, although their turn had come."""
     if outcome.status == "success":
         return []
-    over = outcome.status in ("success", "incomplete")
     wrong = [true for true, judged in case.verdicts.items() if not judged.is_in_place]
+    over = outcome.status == "incomplete"
     return [true for true in wrong if over or case.gone(true) is not None or _settled(case, true)]
 
 
@@ -350,19 +298,16 @@ def _why_unsorted(case: Investigation, true: str, by_failure: Mapping[int, Findi
     """Return the finding about an item that is not at its destination, by its last placement or failure."""
     if (broken := explain_crushed_item(case, true)) is not None:
         return _why_crushed(case, true, broken, by_failure)
-    names = case.believed.get(true, ())
-    done = placed_at(case, true)
-    if done is not None and (answer := explain_unsorted(case, true)) is not None:
-        after = [f for f in case.failures if f.item in names and f.fate != "cured" and f.time > done]
-        if not after or answer.cause in ("mission.wrong_bin", "perception.mistaken"):
-            return answer
-    to_blame = [
-        (by_failure[f.number], f.number in case.once(_answered_instead))
-        for f in case.failures
-        if f.item in names and f.fate != "cured" and (done is None or f.time > done)
-    ]
-    sure = [finding for finding, _ in to_blame if finding.confidence != "the log does not tell"]
-    unsure = [finding for finding, answered in to_blame if not answered]
+    names, done = case.believed.get(true, ()), placed_at(case, true)
+    own = [f for f in case.failures if f.item in names and f.fate != "cured"]
+    after = [f for f in own if done is None or f.time > done]
+    answer = None if done is None else explain_unsorted(case, true)
+    by_placing = answer is not None and answer.cause in ("mission.wrong_bin", "perception.mistaken")
+    if answer is not None and (by_placing or not after):
+        return answer
+    findings = [by_failure[f.number] for f in after]
+    sure = [finding for finding in findings if finding.confidence != "the log does not tell"]
+    unsure = [by_failure[f.number] for f in after if f.number not in case.once(_answered_instead)]
     answer = next(reversed(sure or unsure), None) or explain_unsorted(case, true)
     if answer is not None and answer.cause == "mission.not_tried":  # a stop may have taken its time
         stopped = [f for f in case.failures if f.cause == "tree.timeout" and f.fate != "cured"]
@@ -371,15 +316,8 @@ def _why_unsorted(case: Investigation, true: str, by_failure: Mapping[int, Findi
 
 
 CRUSH_CAUSES = (
-    "camera.",
-    "wrist.",
-    "joint.",
-    "arm.",
-    "gripper.",
-    "item.heavy",
-    "item.larger",
-    "perception.mistaken",
-)
+    "camera.", "wrist.", "joint.", "arm.", "gripper.", "item.heavy", "item.larger", "perception.mistaken",
+)  # fmt: skip
 """Causes, or their beginnings, of an excessive finger force on an item."""
 
 
@@ -405,31 +343,18 @@ def _unseen(case: Investigation, answer: Finding) -> Finding:
     return answer
 
 
-def _costs(case: Investigation, by_failure: Mapping[int, Finding]) -> Mapping[tuple[str, str], float]:
-    """Return the cost of each finding's episodes, simulated s. An episode counts once, for its first
-    failure."""
-    found: dict[tuple[str, str], float] = {}
-    for failure in case.failures:
-        finding = by_failure[failure.number]
-        key = (finding.cause, finding.about)
-        found[key] = found.get(key, 0.0) + failure.seconds_lost
-    return found
-
-
 def _root(
     case: Investigation,
     group: _Group,
     outcome: ExplainedOutcome,
     planted: Sequence[Stamped[event_types.FaultEvent]],
-    costs: Mapping[tuple[str, str], float],
-    ending: Finding | None,
+    cost: float,
+    *,
+    at_the_end: bool,
 ) -> RootCause:
     first = group.findings[0]
-    at_the_end = ending is not None and _key(ending) == _key(first)
     ended = at_the_end or any(f.fate == "ended" for f in group.failures)
-    missed = outcome.status in ("incomplete", "failure") and (
-        bool(group.items) or first.cause.startswith("goal.")
-    )
+    missed = outcome.status in ("incomplete", "failure") and (group.items or first.cause.startswith("goal."))
     alike = [f for f in group.findings if f.item and f.item != first.item and f.item not in first.title]
     others = list(dict.fromkeys(f.item for f in alike))
     broken = (explain_crushed_item(case, true) for true in group.items if first.cause != "item.crushed")
@@ -439,11 +364,11 @@ def _root(
         cause=first.cause,
         title=first.title,
         failures=tuple(f.number for f in group.failures),
-        ended_run=outcome.status != "success" and (ended or missed),
+        ended_run=outcome.status != "success" and bool(ended or missed),
         reasons=(*dict.fromkeys(first.reasons), *harm, *also),
         item=first.item,
         time=first.time,
-        seconds_lost=costs.get((first.cause, first.about), 0.0),
+        seconds_lost=cost,
         planted=tuple(_injected_faults(case, group, planted)),
         confidence=first.confidence,
         against=first.against,

@@ -12,27 +12,25 @@ import numpy as np
 from picktree.files import listed
 from picktree.logs import ImageEvent, log_records
 from picktree.robot.manipulation import pick_candidates, release_poses
-from picktree.world import BeliefObject, ObjectId, event_types, extents
-from picktree.world.scene import Bin, CameraDescription, Fixture
+from picktree.world import BeliefObject, ObjectId, Vector3, event_types, extents
+from picktree.world.scene import Bin, CameraDescription
 
 from .body_tracks import horizontal_distance
 from .case import Investigation
 from .explanation import (
+    MIN_VERTICAL,
     FailureStory,
     Finding,
     RejectedCandidate,
-    counted,
-    distance,
-    force,
+    contact_of,
     number,
     numbers,
-    place,
-    seconds,
     word,
     words,
-)
+)  # fmt: skip
 from .held_items import pressed_from_below
 from .item_causes import MIN_ERROR, displacement_since, size_of
+from .wording import counted, distance, force, place, seconds
 
 STOP_FAILURES = frozenset(
     {"world.disturbed", "safety.force_limit", "safety.stop", "control.tracking", "control.timeout",
@@ -44,74 +42,76 @@ TOUCH_MARGIN = 0.005
 """Margin around a body within which another body counts as touching it, m."""
 ITEM_RANGE = 0.08
 """Distance from the hand within which an item was touched rather than an unknown obstacle next to it, m."""
+MIN_ITEMS = 2
+"""Least number of items that a hand meets from above where the tool, and no item, is the cause."""
 
 
 def explain_contact(case: Investigation, failure: FailureStory) -> Finding | None:
     """Return the finding about the body near the stopped hand; None when the cause is no contact."""
     if (tool := case.once(_wrong_tool)) is not None and _stopped_from_below(failure):
         return tool
-    stopped = failure.cause in STOP_FAILURES or pressed_from_below(failure)
+    pressed, item = pressed_from_below(failure), failure.item
+    stopped = failure.cause in STOP_FAILURES or pressed
     if not stopped and not (failure.cause.startswith("safety.") and case.obstacles_near(failure.time)):
         return None
     stops = case.events(event_types.SafetyStopEvent, start=case.visit(failure).start, end=failure.time)
     time = stops[-1].time if stops else failure.time
     hand = case.hand(time)
-    felt = _felt(failure)
+    near = _items_near(case, failure, time, hand)
+    verb = "the arm met something" if failure.cause == "world.disturbed" else "the arm was stopped"
+    size, _ = contact_of(failure)
+    if size is None and pressed:
+        size = -(number(failure, "load") or 0.0)
+    if size is not None and case.run.info.backend != "kinematic":  # a contact has no true force there
+        verb = f"the arm met something with {force(size)}"
+    where = f" on its way with {item}" if item else ""
     reasons = [f"at {seconds(time)} with the hand at {place(hand)}"] if hand else []
-    near: list[tuple[float, str]] = []
-    held = case.bodies.at(case.pairs.get(failure.item, ""), time) if pressed_from_below(failure) else None
-    for true in case.bodies.tracks:
-        body = case.bodies.at(true, time)
-        if body is not None and hand is not None and failure.item not in case.believed.get(true, ()):
-            away = math.dist(hand, body.pose.position)
-            if away < HAND_RANGE and (
-                held is None or _reach(held) + _reach(body) > horizontal_distance(held, body)
-            ):
-                near.append((away, true))
-    if case.run.info.backend == "kinematic":
-        felt = ""  # a contact has no true force there
-    met = "the arm met something" if failure.cause == "world.disturbed" else "the arm was stopped"
-    verb = f"the arm met something with {felt}" if felt else met
-    where = f" on its way with {failure.item}" if failure.item else ""
+
+    def found(cause: str, about: str, title: str, *more: str) -> Finding:
+        return Finding(cause, about, title, (*reasons, *more), item, time)
+
     unknown = next(iter(case.obstacles_near(time)), None)
     if unknown is not None and (not near or min(near)[0] > ITEM_RANGE):
         title = f"{verb}{where}: {unknown}, an obstacle that the robot did not know, was next to it"
-        reasons.append(_when_seen(case, time))
-        return Finding("contact.obstacle", unknown, title, tuple(reasons), failure.item, time)
+        return found("contact.obstacle", unknown, title, _when_seen(case, time))
     if near:
         away, true = min(near)
-        name = case.name_of(true)
+        name, track = case.name_of(true), case.bodies.tracks[true]
         moving = displacement_since(case, true, max(time - 2.0, 0.0), time)
         reasons.append(f"{name} was {distance(away)} from the hand")
         if moving is not None:
             reasons.append(f"{name} moved by {distance(moving.way)} at about that time")
-        target = case.bin_at(case.bodies.tracks[true].before(time) or case.bodies.tracks[true].first)
-        if target:
-            doing = f"while {failure.item} was put there, " if failure.id == "Place" else ""
-            title = f"{target} is too crowded: {doing}{verb}, next to {name}"
-            return Finding("bin.crowded", target, title, tuple(reasons), failure.item, time)
-        title = f"{verb}{where}: {name} lay next to it"
-        return Finding("contact.item", true, title, tuple(reasons), failure.item, time)
-    if pressed_from_below(failure):
+        if target := case.bin_at(track.before(time) or track.first):
+            doing = f"while {item} was put there, " if failure.id == "Place" else ""
+            return found("bin.crowded", target, f"{target} is too crowded: {doing}{verb}, next to {name}")
+        return found("contact.item", true, f"{verb}{where}: {name} lay next to it")
+    if pressed:
         return None
     if (under := _under_the_hand(case, failure, verb, time)) is not None:
         return under
-    title = f"{verb}{where}: nothing known was near"
-    about = failure.item or failure.node
-    return Finding(
-        word(failure, "stopped_by") or failure.cause, about, title, tuple(reasons), failure.item, time
-    )
+    cause = word(failure, "stopped_by") or failure.cause
+    return found(cause, item or failure.node, f"{verb}{where}: nothing known was near")
 
 
-MIN_UPWARD = 0.8
-"""Vertical component of a contact's direction from which something below the hand was touched."""
+def _items_near(
+    case: Investigation, failure: FailureStory, time: float, hand: Vector3 | None
+) -> list[tuple[float, str]]:
+    """Return the distances and true ids of other items near the hand, or of those next to the held one."""
+    held = case.bodies.at(case.pairs.get(failure.item, ""), time) if pressed_from_below(failure) else None
+    near: list[tuple[float, str]] = []
+    for true in case.bodies.tracks if hand is not None else ():
+        body = case.bodies.at(true, time)
+        if body is None or hand is None or failure.item in case.believed.get(true, ()):
+            continue
+        reaches = held is None or _reach(held) + _reach(body) > horizontal_distance(held, body)
+        if reaches and (away := math.dist(hand, body.pose.position)) < HAND_RANGE:
+            near.append((away, true))
+    return near
 
 
 def _stopped_from_below(failure: FailureStory) -> bool:
     """Whether a body below stopped the hand on its way down to an item."""
-    direction = numbers(failure, "direction") or numbers(failure, "force")
-    size = math.hypot(*direction)
-    upward = len(direction) == 3 and size > 0.0 and direction[2] / size > MIN_UPWARD
+    upward = contact_of(failure)[1] > MIN_VERTICAL
     return failure.id == "Grasp" and failure.cause in STOP_FAILURES and upward
 
 
@@ -136,14 +136,9 @@ def _wrong_tool(case: Investigation) -> Finding | None:
     return Finding("hand.off", "hand", title, reasons, "", first.time, "possible")
 
 
-MIN_ITEMS = 2
-"""Least number of items that a hand meets from above where the tool, and no item, is the cause."""
-
-
 def _under_the_hand(case: Investigation, failure: FailureStory, verb: str, time: float) -> Finding | None:
     """Return the finding, without truth, that a hand on its way down to an item met it at another place."""
-    direction = numbers(failure, "direction")
-    upward = len(direction) == 3 and direction[2] > MIN_UPWARD
+    upward = bool(numbers(failure, "direction")) and contact_of(failure)[1] > MIN_VERTICAL
     believed = case.last_believed(failure)
     if case.world.is_true or not upward or believed is None or believed.attached or failure.id != "Grasp":
         return None
@@ -172,7 +167,7 @@ def explain_hidden(
     case: Investigation, item: str, body: log_records.BodyRecord, time: float
 ) -> Finding | None:
     """Return the finding that an unknown body hides an item from the fixed cameras; else None."""
-    cameras = [c for c in case.scene.cameras if c.on == "world"] if case.scene else []
+    cameras = case.fixed_cameras
     found = [hides(case, camera, body, time) for camera in cameras]
     if not found or not all(found):
         return None
@@ -184,8 +179,9 @@ def explain_hidden(
 def obstacle_in(case: Investigation, bin_id: str, time: float) -> str:
     """Return the unknown obstacle that lies in a bin, or over it; empty without one."""
     target = case.bins.get(bin_id)
-    for name, body in case.obstacles_at(time) if target is not None else ():
-        assert target is not None
+    if target is None:
+        return ""
+    for name, body in case.obstacles_at(time):
         x, y, z = (target.pose.inverse() @ body.pose).position
         low, high = extents(body.shape, body.pose.rotation())
         inside = abs(x) < target.size[0] / 2 + high[0] and abs(y) < target.size[1] / 2 + high[1]
@@ -208,14 +204,6 @@ def _when_seen(case: Investigation, time: float) -> str:
     )
 
 
-def _felt(failure: FailureStory) -> str:
-    vector = numbers(failure, "force")
-    size = math.hypot(*vector) if vector else number(failure, "force")
-    if size is None and pressed_from_below(failure):
-        size = -(number(failure, "load") or 0.0)
-    return force(size) if size is not None else ""
-
-
 CLEARANCE = 0.35
 """Height over a bin's rim, and width around an item, that hand and arm need, m."""
 
@@ -224,13 +212,11 @@ def fixture_above(case: Investigation, target: Bin) -> str:
     """Return the fixture that covers a bin, or reaches into the space over it; empty without one."""
     (x, y, z), (sx, sy, sz) = target.pose.position, target.size
     low, high = (x - sx / 2, y - sy / 2, z + sz), (x + sx / 2, y + sy / 2, z + sz + CLEARANCE)
-    return next((name for name, fixture in case.fixtures.items() if _overlap(fixture, low, high)), "")
-
-
-def _overlap(fixture: Fixture, low: Sequence[float], high: Sequence[float]) -> bool:
-    least, most = extents(fixture.shape, fixture.pose.rotation())
-    at = np.array(fixture.pose.position)
-    return bool(np.all(at + least < np.array(high)) and np.all(at + most > np.array(low)))
+    for name, fixture in case.fixtures.items():
+        least, most = np.array(fixture.pose.position) + extents(fixture.shape, fixture.pose.rotation())
+        if np.all(least < high) and np.all(most > low):
+            return name
+    return ""
 
 
 OVERHANG = 0.1
@@ -248,32 +234,31 @@ def explain_unreachable_bin(
     target = case.bins.get(case.destination(lies)) if lies else None
     if lies is None or target is None:
         return None
-    name, most = str(target.id), max(refused, key=lambda each: each.count)
+    name, most, item = str(target.id), max(refused, key=lambda each: each.count), failure.item
     reasons = tuple(f"{each.count} of {total} grasps: {each.reason}" for each in refused[:3])
     if (full := explain_full_bin(case, failure, name, reasons)) is not None:
         return full
-    if unknown := obstacle_in(case, name, failure.time):
-        title = f"{unknown}, a body that the robot did not know, is in or over {name}"
-        return failure.finding("scene.unknown_obstacle", unknown, title, reasons)
     by, track = most.by.split("/")[0], case.belief.tracks.get(most.by)
-    over = by if by in case.fixtures else fixture_above(case, target)
-    if over:
-        title = f"{over} is in the way over {name}: {failure.item} cannot be put there"
-        return failure.finding("scene.blocked", over, title, reasons)
-    if track is not None and track.first.role == "obstacle":
-        title = f"something unknown ({most.by}) is seen in the way over {name}"
-        return failure.finding("scene.unknown_obstacle", most.by, title, reasons)
-    if most.stage == pick_candidates.PLACE_STAGE and track is None:
-        title = f"over {name} the arm would be in {by}" if by else f"the arm does not reach over {name}"
-        title += f": {failure.item} cannot go there"
-        return failure.finding("bin.out_of_reach", name, title, reasons)
     inside = [b.id for b in case.believed_at(failure.time) if b.place == target.id]
-    if inside:
-        title = f"{name} is too crowded for {failure.item}: the hand finds no place over it to let go"
-        reasons = (*reasons, f"{name} contains {listed(inside, 5)}")
-        return failure.finding("bin.crowded", name, title, reasons)
-    title = f"{failure.item} cannot be let go over {name} without touching something"
-    return failure.finding("bin.hemmed_in", name, title, reasons)
+    cause, about = "bin.hemmed_in", name
+    title = f"{item} cannot be let go over {name} without touching something"
+    if unknown := obstacle_in(case, name, failure.time):
+        cause, about = "scene.unknown_obstacle", unknown
+        title = f"{unknown}, a body that the robot did not know, is in or over {name}"
+    elif over := by if by in case.fixtures else fixture_above(case, target):
+        cause, about = "scene.blocked", over
+        title = f"{over} is in the way over {name}: {item} cannot be put there"
+    elif track is not None and track.first.role == "obstacle":
+        cause, about = "scene.unknown_obstacle", most.by
+        title = f"something unknown ({most.by}) is seen in the way over {name}"
+    elif most.stage == pick_candidates.PLACE_STAGE and track is None:
+        cause = "bin.out_of_reach"
+        title = f"over {name} the arm would be in {by}" if by else f"the arm does not reach over {name}"
+        title += f": {item} cannot go there"
+    elif inside:
+        cause, reasons = "bin.crowded", (*reasons, f"{name} contains {listed(inside, 5)}")
+        title = f"{name} is too crowded for {item}: the hand finds no place over it to let go"
+    return failure.finding(cause, about, title, reasons)
 
 
 def explain_full_bin(
@@ -290,31 +275,16 @@ def explain_full_bin(
         if item is None or release_poses.free_cells(target, heights, item.shape, item.pose.rotation()):
             return None
     size = " × ".join(f"{s * 100:.0f}" for s in target.size)
-    title = (
-        f"{bin_id} was full when {failure.item} was to go there: {counted(len(inside), 'item')} "
-        f"{'lies' if len(inside) == 1 else 'lie'} in it, and it measures {size} cm"
-    )
-    evidence = (
-        *reasons,
-        f"in it at {seconds(failure.time)}: {listed([b.id for b in inside], 8) or 'nothing'}",
-    )
-    return failure.finding("bin.full", bin_id, title, evidence)
+    lie = f"{counted(len(inside), 'item')} {'lies' if len(inside) == 1 else 'lie'} in it"
+    title = f"{bin_id} was full when {failure.item} was to go there: {lie}, and it measures {size} cm"
+    content = f"in it at {seconds(failure.time)}: {listed([b.id for b in inside], 8) or 'nothing'}"
+    return failure.finding("bin.full", bin_id, title, (*reasons, content))
 
 
 def _object(body: log_records.BodyRecord) -> BeliefObject:
-    return BeliefObject(
-        body.kind,
-        body.form,
-        body.shape,
-        body.colour,
-        body.pose,
-        body.sigma_position,
-        body.sigma_angle,
-        body.confidence,
-        body.last_seen,
-        id=ObjectId(body.id),
-        place=body.place,
-    )
+    kind = body.kind, body.form, body.shape, body.colour
+    seen = body.pose, body.sigma_position, body.sigma_angle, body.confidence, body.last_seen
+    return BeliefObject(*kind, *seen, id=ObjectId(body.id), place=body.place)
 
 
 PLACE_STAGES = (pick_candidates.ROOM_STAGE, pick_candidates.PLACE_STAGE, pick_candidates.TRANSFER_STAGE)
@@ -384,18 +354,17 @@ def _no_grasp(case: Investigation, failure: FailureStory) -> Finding | None:
     total = sum(r.count for r in choice.rejections)
     touched: Counter[str] = Counter()
     hindered: Counter[str] = Counter()
-    far, nowhere = 0, list[RejectedCandidate]()
+    nowhere = [r for r in choice.rejections if r.stage in PLACE_STAGES]
+    far = 0
     for rejection in choice.rejections:
-        reason, count = rejection.reason, rejection.count
-        match = HAND_CONTACT.match(reason)
+        match, by = HAND_CONTACT.match(rejection.reason), rejection.by.split("/")[0]
         if rejection.stage in PLACE_STAGES:
-            nowhere.append(rejection)
-        elif match:
-            touched[(rejection.by or match.group(1)).split("/")[0]] += count
-        elif rejection.stage or UNREACHABLE in reason:
-            far += count
-            if rejection.by:
-                hindered[rejection.by.split("/")[0]] += count
+            continue
+        if match:
+            touched[by or match.group(1).split("/")[0]] += rejection.count
+        elif rejection.stage or UNREACHABLE in rejection.reason:
+            far += rejection.count
+            hindered += Counter({by: rejection.count} if by else {})
     if nowhere and sum(each.count for each in nowhere) >= max(far, touched.total()):
         return explain_unreachable_bin(case, failure, nowhere, total)
     if far >= touched.total():
@@ -411,16 +380,19 @@ def _touching(
 ) -> Finding | None:
     """Return the finding by the kind of the body that would be touched: fixture, obstacle, neighbour, bin."""
     reasons = reasons or (failure.message,)
-    about = failure.item or failure.name
+    about, doing, tracks = failure.item or failure.name, _doing(failure), case.belief.tracks
     most = [name for name, _ in touched.most_common()]
-    tracks = case.belief.tracks
-    if fixed := [name for name in most if name in case.fixtures]:
-        title = f"{fixed[0]} is in the way of {_doing(failure)}"
-        return failure.finding("scene.blocked", fixed[0], title, reasons)
-    if unknown := [name for name in most if name in tracks and tracks[name].first.role == "obstacle"]:
-        title = f"something unknown ({unknown[0]}) is seen in the way of {_doing(failure)}"
-        return failure.finding("scene.unknown_obstacle", unknown[0], title, reasons)
+    fixed = [name for name in most if name in case.fixtures]
+    unknown = [name for name in most if name in tracks and tracks[name].first.role == "obstacle"]
     neighbours = [name for name in most if name in tracks and name != failure.item]
+    walls = [name for name in most if name in case.bins]
+    table = ["table"] if "table" in most else []
+    if fixed or (table and not (unknown or neighbours or walls)):
+        blocked, name = (fixed[0], fixed[0]) if fixed else ("table", "the table")
+        return failure.finding("scene.blocked", blocked, f"{name} is in the way of {doing}", reasons)
+    if unknown:
+        title = f"something unknown ({unknown[0]}) is seen in the way of {doing}"
+        return failure.finding("scene.unknown_obstacle", unknown[0], title, reasons)
     if neighbours and failure.cause == "planning.start_in_collision":
         # The hand may just have let go of something there: where that lies is a guess.
         begun = failure.name_and_item
@@ -429,21 +401,16 @@ def _touching(
     if neighbours:
         title = f"{about} lies too close to {listed(neighbours, 3)}: there is no room for the hand"
         return failure.finding("item.crowded", "", title, reasons)
-    if walls := [name for name in most if name in case.bins]:
+    if walls:
         title = f"{about} lies too close to {walls[0]}: its walls are in the way of the hand"
         return failure.finding("item.beside_bin", about, title, reasons)
-    if "table" in most:
-        return failure.finding(
-            "scene.blocked", "table", f"the table is in the way of {_doing(failure)}", reasons
-        )
     return None
 
 
 def _doing(failure: FailureStory) -> str:
-    verb = {"Grasp": "the hand at", "Place": "placing", "GoTo": "the arm on its way"}.get(
-        failure.id, failure.id
-    )
-    return f"{verb} {failure.item}" if failure.item and failure.id in ("Grasp", "Place") else verb
+    about = f" {failure.item}" if failure.item else ""
+    verbs = {"Grasp": f"the hand at{about}", "Place": f"placing{about}", "GoTo": "the arm on its way"}
+    return verbs.get(failure.id, failure.id)
 
 
 def _far(
@@ -453,16 +420,17 @@ def _far(
     body."""
     item, lies = failure.item, case.last_believed(failure)
     where = f" at {place(lies.pose.position)}" if lies else ""
-    refused = f"{far} of {total} grasps were out of reach or in collision"
-    reasons = tuple(f"in {n} of {total} grasps the arm would touch {by}" for by, n in hindered.most_common(3))
-    if fixed := [name for name, _ in hindered.most_common() if name in case.fixtures]:
-        title = f"{fixed[0]} is in the way of the arm at {item}"
-        return failure.finding("scene.blocked", fixed[0], title, (refused, *reasons))
-    if not any(name in case.bins or name in case.belief.tracks for name in hindered):
-        title = f"{item} lies{where}, where the arm does not reach it from above"
-        return failure.finding("item.out_of_reach", item, title, (refused, *reasons))
+    touched = (f"in {n} of {total} grasps the arm would touch {by}" for by, n in hindered.most_common(3))
+    reasons = (f"{far} of {total} grasps were out of reach or in collision", *touched)
+    fixed = [name for name, _ in hindered.most_common() if name in case.fixtures]
+    cause, about = "item.hemmed_in", item
     title = f"the arm cannot get to {item}{where} without touching something"
-    return failure.finding("item.hemmed_in", item, title, (refused, *reasons))
+    if fixed:
+        cause, about, title = "scene.blocked", fixed[0], f"{fixed[0]} is in the way of the arm at {item}"
+    elif not any(name in case.bins or name in case.belief.tracks for name in hindered):
+        cause = "item.out_of_reach"
+        title = f"{item} lies{where}, where the arm does not reach it from above"
+    return failure.finding(cause, about, title, reasons)
 
 
 def _occupied(case: Investigation, failure: FailureStory) -> Finding | None:

@@ -6,7 +6,6 @@ Each prediction is tested on the log. One that does not hold is evidence against
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -16,50 +15,44 @@ from picktree.world import GRAVITY, event_types, matches
 
 from .case import Investigation
 from .device_causes import MIN_BIAS, WEAK_SHARE, met_something
-from .explanation import FailureStory, Finding, between, counted, force, listed_times, number, seconds
-from .held_items import MASS_RATIO, WEIGHING_NOISE, held_periods
+from .explanation import FailureStory, Finding, number
+from .held_items import MASS_RATIO, WEIGHING_NOISE, holds_of
 from .identities import MAX_AGE
+from .wording import between, counted, force, listed_times, seconds
 
 Refutation: TypeAlias = Callable[[Investigation, FailureStory, Finding], str]
 """Test on the log: the record that contradicts a finding on a failure, in words; empty without one."""
 
 
-@dataclass(frozen=True, slots=True)
-class Prediction:
-    """Record that the log must have, or must not have, where a cause is the true one."""
-
-    causes: tuple[str, ...]
-    """Patterns of the causes that predict it."""
-    words: str
-    refute: Refutation
-
-
 def refutations(case: Investigation, failure: FailureStory, finding: Finding) -> tuple[str, ...]:
     """Return the records that contradict a finding on a failure, in words."""
-    predicted = (p for p in PREDICTIONS if any(matches(pattern, finding.cause) for pattern in p.causes))
-    return tuple(words for prediction in predicted if (words := prediction.refute(case, failure, finding)))
+    predicted = (test for causes, test in PREDICTIONS if any(matches(each, finding.cause) for each in causes))
+    return tuple(words for refute in predicted if (words := refute(case, failure, finding)))
 
 
 def _within(finding: Finding, time: float) -> bool:
     return any(start - MAX_AGE <= time <= end for start, end in finding.spans)
 
 
+def _last_seen(case: Investigation, item: str, until: float) -> float | None:
+    seen = [each.time for each in case.identities.by_item.get(item, ()) if each.time < until]
+    return seen[-1] if seen else None
+
+
 def _seen_without_fault(case: Investigation, failure: FailureStory, finding: Finding) -> str:
-    start = case.visit(failure).start
-    seen = [each.time for each in case.identities.by_item.get(failure.item, ()) if each.time <= start + 1e-6]
-    if not seen or _within(finding, seen[-1]):
+    seen = _last_seen(case, failure.item, case.visit(failure).start + 1e-6)
+    if seen is None or _within(finding, seen):
         return ""
-    return f"{failure.item} was last seen at {seconds(seen[-1])}, in an image without this fault"
+    return f"{failure.item} was last seen at {seconds(seen)}, in an image without this fault"
 
 
 def _gripped_as_seen(case: Investigation, failure: FailureStory, finding: Finding) -> str:
     """Return the items that were gripped at once where an image with the fault showed them."""
     found: dict[str, None] = {}
     for at in case.events(event_types.PickEvent):
-        item = at.record.object
-        seen = [each.time for each in case.identities.by_item.get(item, ()) if each.time < at.time]
-        if at.record.held and at.record.first_try and seen and _within(finding, seen[-1]):
-            found[item] = None
+        seen = _last_seen(case, at.record.object, at.time)
+        if at.record.held and at.record.first_try and seen is not None and _within(finding, seen):
+            found[at.record.object] = None
     words = "was gripped at once where such an image showed it"
     if len(found) > 1:
         words = "were gripped at once where such images showed them"
@@ -75,8 +68,8 @@ def _feels_nothing(case: Investigation, failure: FailureStory, finding: Finding)
 
 
 def _fingers_move(case: Investigation, failure: FailureStory, finding: Finding) -> str:
-    end = finding.spans[0][1]
-    start = max(finding.spans[0][0], end - STUCK_TIME)
+    start, end = finding.spans[0]
+    start = max(start, end - STUCK_TIME)
     here = (case.gripper.times >= start) & (case.gripper.times <= end)
     way = float(np.ptp(case.gripper.widths[here])) if here.any() else 0.0
     return f"the fingers moved by {1000 * way:.0f} mm {between(start, end)}" if way > MIN_FINGER_WAY else ""
@@ -121,58 +114,42 @@ def _weighed_as_its_kind(case: Investigation, failure: FailureStory, finding: Fi
 
 
 def _held_well(case: Investigation, failure: FailureStory, finding: Finding) -> str:
-    found = [
-        period.start
-        for period in case.once(held_periods)
-        if period.true == finding.about and period.left is None and period.end - period.start > 1.0
-        and period.start >= (finding.time or 0.0)
-    ]  # fmt: skip
+    stayed = (p for p in holds_of(case, finding.about) if p.left is None and p.end - p.start > 1.0)
+    found = [period.start for period in stayed if period.start >= (finding.time or 0.0)]
     return f"the hand held it without slip at {listed_times(found)}" if found else ""
 
 
 def _found_later(case: Investigation, failure: FailureStory, finding: Finding) -> str:
-    later = [
-        each.time
-        for item in case.believed.get(finding.about, ())
-        for each in case.identities.by_item.get(item, ())
-        if each.time > (finding.time or 0.0) + 2 * case.sampled + MAX_AGE and each.true == finding.about
-    ]
+    since, by_item = (finding.time or 0.0) + 2 * case.sampled + MAX_AGE, case.identities.by_item
+    sightings = (each for item in case.believed.get(finding.about, ()) for each in by_item.get(item, ()))
+    later = [each.time for each in sightings if each.time > since and each.true == finding.about]
     return f"it was seen at {seconds(min(later))}" if later else ""
 
 
 def _gripped(case: Investigation, failure: FailureStory, finding: Finding) -> str:
-    picks = [
-        at.time
-        for at in case.events(event_types.PickEvent)
-        if at.record.object == finding.item and at.record.held
-    ]
-    return f"the hand held it at {listed_times(picks)}" if picks else ""
+    picks = case.events(event_types.PickEvent)
+    held = [at.time for at in picks if at.record.object == finding.item and at.record.held]
+    return f"the hand held it at {listed_times(held)}" if held else ""
 
 
 def _hand_was_empty(case: Investigation, failure: FailureStory, finding: Finding) -> str:
     width = number(failure, "width")
-    empty = failure.cause == "grasp.missed" and width is not None and width > case.least_width + 0.004
-    return f"the fingers closed on something {1000 * (width or 0.0):.0f} mm wide" if empty else ""
+    something = failure.cause == "grasp.missed" and width is not None and width > case.least_width + 0.004
+    return f"the fingers closed on something {1000 * (width or 0.0):.0f} mm wide" if something else ""
 
 
-PREDICTIONS: Final[tuple[Prediction, ...]] = (
-    Prediction(
-        ("camera.off", "camera.noisy", "camera.frozen"), "the item was last seen in an image with the fault",
-        _seen_without_fault,
-    ),
-    Prediction(
-        ("camera.noisy",), "no item is gripped at once where such an image shows it",
-        _gripped_as_seen,
-    ),
-    Prediction(("wrist.biased",), "the readings are not small while the bias lasts", _feels_nothing),
-    Prediction(("gripper.jammed",), "the fingers do not move", _fingers_move),
-    Prediction(("gripper.weak",), "no pick has the commanded force", _presses_fully),
-    Prediction(("joint.weak", "arm.stalled"), "nothing touches the arm when it stops", _arm_met_something),
-    Prediction(("planner.refuses",), "no other path is found meanwhile", _finds_paths),
-    Prediction(("item.heavy",), "no weighing agrees with the catalogue", _weighed_as_its_kind),
-    Prediction(("item.slippery",), "no hold without slip follows", _held_well),
-    Prediction(("item.gone",), "no look shows the item later", _found_later),
-    Prediction(("item.gone",), "the fingers close on nothing", _hand_was_empty),
-    Prediction(("perception.phantom",), "no grip holds the item", _gripped),
-)  # fmt: skip
-"""Predictions of all causes."""
+PREDICTIONS: Final[tuple[tuple[tuple[str, ...], Refutation], ...]] = (
+    (("camera.off", "camera.noisy", "camera.frozen"), _seen_without_fault),
+    (("camera.noisy",), _gripped_as_seen),
+    (("wrist.biased",), _feels_nothing),
+    (("gripper.jammed",), _fingers_move),
+    (("gripper.weak",), _presses_fully),
+    (("joint.weak", "arm.stalled"), _arm_met_something),
+    (("planner.refuses",), _finds_paths),
+    (("item.heavy",), _weighed_as_its_kind),
+    (("item.slippery",), _held_well),
+    (("item.gone",), _found_later),
+    (("item.gone",), _hand_was_empty),
+    (("perception.phantom",), _gripped),
+)
+"""Patterns of the causes that predict something, and the test for its refutation."""

@@ -17,8 +17,9 @@ from picktree.files import PicktreeError, listed
 from picktree.logs import RunRecord
 
 from .case import Investigation
-from .explanation import Explanation, FailureStory, RootCause, seconds
+from .explanation import Explanation, FailureStory, RootCause
 from .run_explanation import failures_of, has_truth, investigation
+from .wording import seconds
 
 Fact: TypeAlias = str
 """Outcome of a run in coarse words: `goal`, `item item_03`, or `failure grasp Grasp red_can`."""
@@ -99,10 +100,7 @@ _BODIES: Final = frozenset(
 )
 _SKILLS: Final = frozenset({"skill.hangs", "internal.error"})
 _ADVICE: Final = (
-    (
-        "bin.",
-        "empty or move the bin in a copy of the scene, and run `picktree resim LOG --scene FILE`",
-    ),
+    ("bin.", "empty or move the bin in a copy of the scene, and run `picktree resim LOG --scene FILE`"),
     ("scene.", "take the body out of a copy of the scene, and run `picktree resim LOG --scene FILE`"),
     ("item.", "put the item elsewhere in a copy of the scene, and run `picktree resim LOG --scene FILE`"),
     ("heap.", "fill the tote otherwise in a copy of the scene, and run `picktree resim LOG --scene FILE`"),
@@ -172,19 +170,14 @@ def _facts(
     case: Investigation, root: RootCause, own: list[FailureStory], found: Explanation
 ) -> dict[Fact, str]:
     """Return the outcomes of the cause, in words: its items, else the goal, else its costliest failure."""
-    facts: dict[Fact, str] = {}
-    for name in root.items:
-        if (true := true_item(case, name)) is not None:
-            facts[f"item {true}"] = f"{name} is not where it belongs"
-    if facts:
+    items = ((true_item(case, name), name) for name in root.items)
+    if facts := {f"item {true}": f"{name} is not where it belongs" for true, name in items if true}:
         return facts
-    if root.ended_run or (not own and found.outcome.status != "success"):
+    if not own or root.ended_run:
         return {GOAL: "the goal is missed"}
-    costly = sorted(own, key=lambda each: -each.seconds_lost)[:1]
-    return {
-        failure_fact(each.cause, each.id, each.item): f"{each.name_and_item} fails with {each.cause}"
-        for each in costly
-    } or {GOAL: "the goal is missed"}
+    costly = max(own, key=lambda each: each.seconds_lost)
+    fact = failure_fact(costly.cause, costly.id, costly.item)
+    return {fact: f"{costly.name_and_item} fails with {costly.cause}"}
 
 
 def true_item(case: Investigation, name: str) -> str | None:
@@ -201,8 +194,8 @@ def _removal(case: Investigation, root: RootCause) -> Removal | None:
     if cause in _PART_OF_ITEM:
         part, words = _PART_OF_ITEM[cause]
         true = true_item(case, about) or true_item(case, root.item)
-        return (true and Removal(f"{root.item or true} {words}", (f"{part} {true}",),
-                                is_state=cause not in _EVENTS)) or None  # fmt: skip
+        sentence, is_state = f"{root.item or true} {words}", cause not in _EVENTS
+        return Removal(sentence, (f"{part} {true}",), is_state=is_state) if true else None
     if cause in _DEVICES:
         part, words = _DEVICES[cause]
         return Removal(words, (part,), is_state=part != "arrivals")

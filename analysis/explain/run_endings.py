@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from statistics import median
 
 import numpy as np
@@ -10,36 +11,36 @@ from picktree.files import PicktreeError, listed
 from picktree.files.yaml import read
 from picktree.logs import ImageEvent, log_records, node_visits
 from picktree.world import Array, Shape, event_types, extents
-from picktree.world.scene import CatalogueEntry
 
 from .case import Investigation
-from .explanation import ExplainedOutcome, FailureStory, Finding, counted, number, seconds, word
-from .held_items import held_periods
-from .item_causes import noisy_camera
+from .explanation import ExplainedOutcome, FailureStory, Finding, number, word
+from .held_items import holds_of
+from .item_causes import explain_no_look, noisy_camera
 from .unsorted_items import skip_condition
+from .wording import counted, seconds
 
 
 def explain_run_end(case: Investigation, outcome: ExplainedOutcome) -> Finding | None:
     """Return the finding about a run's end that the mission did not decide; else None."""
+    recovered = (case.run.recovered,) if case.run.recovered else ()
     match outcome.status:
         case "timeout":
             running = [v for v in case.family.visits if v.outcome == "RUNNING"]
-            hung = next((found for v in _leaves(case, running) if (found := explain_hang(case, v))), None)
+            if (hung := _first_hung(case, _leaves(case, running))) is not None:
+                return hung
             title = f"the run was ended at its limit of simulated time, {seconds(outcome.end)}"
-            return hung or Finding("run.limit", "", title, _under_way(case), "", outcome.end)
+            cause, reasons = "run.limit", _under_way(case)
         case "paused":
-            title = "help was wanted, and nobody was there to answer"
-            return Finding("run.paused", "", title, _pending_question(case), "", outcome.end)
+            cause, title = "run.paused", "help was wanted, and nobody was there to answer"
+            reasons = _pending_question(case)
         case "crashed":
-            return Finding("run.crashed", "", outcome.sentence, _recovered(case), "", outcome.end)
-        case "failure":
-            return _condition(case)
+            cause, title, reasons = "run.crashed", outcome.sentence, recovered
         case status if status in ENDINGS:
             cause, title = ENDINGS[status]
-            reasons = (*_under_way(case), *_recovered(case))
-            return Finding(cause, "", title, reasons, "", outcome.end)
-        case _:
-            return None
+            reasons = (*_under_way(case), *recovered)
+        case status:
+            return _condition(case) if status == "failure" else None
+    return Finding(cause, "", title, reasons, "", outcome.end)
 
 
 ENDINGS = {
@@ -74,10 +75,8 @@ def explain_missed_goal(case: Investigation, outcome: ExplainedOutcome) -> Findi
     number, right = len(case.verdicts), sum(each.is_in_place for each in case.verdicts.values())
     title = "every item is where it belongs" if right == number else f"{right} of {number} items are in place"
     why = f"`{goal}` does not hold" if goal else "the scene's feed still had items to bring"
-    reasons = (f"there were {counted(number, 'item')}",)
-    return Finding(
-        "goal.beyond_items", "", f"{title}, and the goal is missed: {why}", reasons, "", outcome.end
-    )
+    title, reasons = f"{title}, and the goal is missed: {why}", (f"there were {counted(number, 'item')}",)
+    return Finding("goal.beyond_items", "", title, reasons, "", outcome.end)
 
 
 def explain_nothing_seen(case: Investigation) -> Finding | None:
@@ -85,9 +84,9 @@ def explain_nothing_seen(case: Investigation) -> Finding | None:
     if any(track.first.role == "item" for track in case.belief.tracks.values()):
         return None
     if not case.events(ImageEvent):
-        title = "the mission never looks: no camera took an image, and no item is known"
-        return Finding("mission.no_look", "", title, (), "", 0.0)
-    lowest = min((_height(entry) for entry in case.scene.catalogue), default=0.0) if case.scene else 0.0
+        return explain_no_look()
+    catalogue = case.scene.catalogue if case.scene else ()
+    lowest = min((float(_sizes(entry.shape).min()) for entry in catalogue), default=0.0)
     if lowest and (noisy := noisy_camera(case, "", lowest)) is not None:
         return noisy
     covers = next(iter(case.obstacles.tracks.values()), None)
@@ -115,8 +114,8 @@ def _odd_sized(case: Investigation, body: log_records.BodyRecord) -> Finding | N
 
 
 MAX_SIZE_SCATTER, MIN_FACTOR = 0.25, 1.15
-"""Greatest difference of the ratios of sides, as a share of the height's, of an item of another size, and the
-least ratio of its height."""
+"""Greatest difference of the sides' ratios of an item of another size, as a share of its height's ratio.
+The second value is the least ratio of its height."""
 
 
 def _sizes(shape: Shape) -> Array:
@@ -130,31 +129,26 @@ def _text(sizes: Array) -> str:
     return " × ".join(f"{1000 * side:.0f}" for side in sizes) + " mm"
 
 
-def _height(entry: CatalogueEntry) -> float:
-    low, high = extents(entry.shape, np.eye(3))
-    return float((high - low).min())
+MISSION_ERRORS = {
+    "tree.missing_input": "{name} had no value to work with: {message}",
+    "tree.no_case": "{name} has no case for this value: {message}",
+    "internal.error": "the code of {id} has a fault of its own: {message}",
+}
+"""Titles of the failures that the mission, or the program, caused by itself."""
 
 
 def explain_mission_error(case: Investigation, failure: FailureStory) -> Finding | None:
     """Return the finding about a failure that the mission, or the program, caused by itself; else None."""
-    match failure.cause:
-        case "tree.timeout":
-            return _timeout(case, failure)
-        case "tree.missing_input":
-            title = f"{failure.name} had no value to work with: {failure.message}"
-            return failure.finding("tree.missing_input", failure.node, title)
-        case "tree.no_case":
-            title = f"{failure.name} has no case for this value: {failure.message}"
-            return failure.finding("tree.no_case", failure.node, title)
-        case "internal.error":
-            title = f"the code of {failure.id} has a fault of its own: {failure.message}"
-            return failure.finding("internal.error", failure.node, title, _end_of_trace(failure))
-        case _:
-            return None
+    if failure.cause == "tree.timeout":
+        return _timeout(case, failure)
+    if (words := MISSION_ERRORS.get(failure.cause)) is None:
+        return None
+    title = words.format(name=failure.name, id=failure.id, message=failure.message)
+    return failure.finding(failure.cause, failure.node, title, _end_of_trace(failure))
 
 
 def _end_of_trace(failure: FailureStory) -> tuple[str, ...]:
-    """Return the last frame of the traceback and the exception, without marks below the text."""
+    """Return the last frame of a traceback and the exception, without marks below the text."""
     trace = word(failure, "traceback").strip().splitlines()
     last = max((k for k, line in enumerate(trace) if line.startswith('  File "')), default=len(trace) - 3)
     return tuple(line.strip() for line in trace[max(last, 0) :] if line.strip(" ^~"))
@@ -164,18 +158,17 @@ def explain_missing_grasp(case: Investigation, failure: FailureStory) -> Finding
     """Return the finding that a node was to place an item that no node had grasped; else None."""
     if failure.cause != "grasp.slipped" or failure.evidence.get("held", "") is not None:
         return None
-    true = case.pairs.get(failure.item)
-    if any(p.true == true and p.start < failure.time for p in case.once(held_periods)):
+    holds = holds_of(case, case.pairs.get(failure.item, ""))
+    if any(period.start < failure.time for period in holds):
         return None
     grasps = [v for v in case.family.visits if v.id == "Grasp" and v.item == failure.item]
-    title = f"{failure.name} was run before anything was grasped: nothing was in the hand"
-    if (skipped := skip_condition(case)) is not None and skipped[0].startswith("Grasp"):
-        title = f"{failure.name} was run before anything was grasped: {skipped[0]} has {skipped[1]}"
-    before = (
-        "no node had grasped the item"
-        if not any(v.end <= failure.time for v in grasps)
-        else "no grasp had held the item"
-    )
+    skipped = skip_condition(case)
+    why = "nothing was in the hand"
+    if skipped is not None and skipped[0].startswith("Grasp"):
+        why = f"{skipped[0]} has {skipped[1]}"
+    title = f"{failure.name} was run before anything was grasped: {why}"
+    tried = any(v.end <= failure.time for v in grasps)
+    before = "no grasp had held the item" if tried else "no node had grasped the item"
     reasons = (f"{before} before {seconds(failure.time)}",)
     return failure.finding("mission.order", failure.node, title, reasons)
 
@@ -183,12 +176,8 @@ def explain_missing_grasp(case: Investigation, failure: FailureStory) -> Finding
 def _under_way(case: Investigation) -> tuple[str, ...]:
     lost = [f for f in case.failures if not (f.cured or f.done_instead)]
     spent = sum(f.seconds_lost for f in case.failures)
-    reasons: list[str] = []
-    if case.failures:
-        reasons.append(
-            f"until then {counted(len(case.failures), 'failure')} had cost {spent:.1f} s, "
-            f"and {len(lost)} of them were not cured"
-        )
+    failed = f"until then {counted(len(case.failures), 'failure')} had cost {spent:.1f} s"
+    reasons = [f"{failed}, and {len(lost)} of them were not cured"] if case.failures else []
     running = [v for v in case.family.visits if v.outcome == "RUNNING" and not case.family.children(v)]
     last = case.run.log.tick_at(case.run.last_tick)
     messages = {} if last is None else {node.path: node.message for node in last.record.nodes}
@@ -210,26 +199,20 @@ def _pending_question(case: Investigation) -> tuple[str, ...]:
     )
 
 
-def _recovered(case: Investigation) -> tuple[str, ...]:
-    return (case.run.recovered,) if case.run.recovered else ()
-
-
 def _condition(case: Investigation) -> Finding | None:
     """Return the finding that a false condition ended the mission; None for any other end."""
     root = next((v for v in case.family.visits if v.parent is None and v.outcome == "FAILURE"), None)
     if root is None or root.cause:
         return None
-    visit = root
-    while True:
-        below = [v for v in case.family.children(visit) if v.outcome == "FAILURE" and not v.cause]
-        if not below:
-            break
-        visit = below[-1]
-    ports = case.ports(visit.path)
-    condition = ports.get("if", "") or visit.message or visit.name
+    visit: node_visits.Visit | None = root
+    while visit is not None:
+        root = visit
+        below = [v for v in case.family.children(root) if v.outcome == "FAILURE" and not v.cause]
+        visit = below[-1] if below else None
+    condition = case.ports(root.path).get("if", "") or root.message or root.name
     title = f"a condition did not hold, and the mission ends there: {condition}"
-    reasons = (f"{visit.path} was checked at {seconds(visit.end)}",)
-    return Finding("tree.condition", visit.path, title, reasons, visit.item, visit.end)
+    reasons = (f"{root.path} was checked at {seconds(root.end)}",)
+    return Finding("tree.condition", root.path, title, reasons, root.item, root.end)
 
 
 WAIT_SKILLS = frozenset({"AwaitItems", "ExchangeBin", "Delay", "AskOperator", "Jog", "Survey"})
@@ -257,59 +240,42 @@ def explain_hang(case: Investigation, visit: node_visits.Visit) -> Finding | Non
     alive = max(signs)
     if visit.end - alive < HANG_TIME:
         return None
-    usual = [
-        v.duration
-        for v in case.family.visits
-        if v.id == visit.id and v.outcome == "SUCCESS" and v.duration > 0
-    ]
+    alike = (v for v in case.family.visits if v.id == visit.id and v.outcome == "SUCCESS")
+    usual = [v.duration for v in alike if v.duration > 0]
     reasons = [f"from {seconds(alive)} on it moved no joint, planned nothing and looked at nothing"]
     if usual:
-        reasons.append(
-            f"where {visit.id} succeeded it took {median(usual):.1f} s ({counted(len(usual), 'time')}), "
-            f"and here {visit.duration:.1f} s"
-        )
+        took = f"it took {median(usual):.1f} s ({counted(len(usual), 'time')})"
+        reasons.append(f"where {visit.id} succeeded {took}, and here {visit.duration:.1f} s")
     until = "the log ends" if visit.outcome == "RUNNING" else "it was stopped"
     title = f"{visit.name_and_item} hung: it did nothing for {visit.end - alive:.0f} s, until {until}"
     return Finding("skill.hangs", visit.path, title, tuple(reasons), visit.item, alive)
 
 
 def _timeout(case: Investigation, failure: FailureStory) -> Finding:
-    visit = case.visit(failure)
-    halted = [
-        v
-        for v in case.family.visits
-        if v.outcome == node_visits.HALTED and v.last == visit.last and case.family.within(v, visit)
-    ]
+    visit, allowed = case.visit(failure), number(failure, "seconds")
+    halted = case.halted_with(visit)
     leaves = _leaves(case, halted) or [visit]
-    hung = next((found for leaf in leaves if (found := explain_hang(case, leaf)) is not None), None)
-    if hung is not None:
+    if (hung := _first_hung(case, leaves)) is not None:
         return hung
-    allowed = number(failure, "seconds")
     reasons = [f"stopped were: {listed([v.name_and_item for v in leaves], 5)}"] if halted else []
-    within = [
-        f for f in case.failures if f.number != failure.number and case.family.within(case.visit(f), visit)
-    ]
+    others = (f for f in case.failures if f.number != failure.number)
+    within = [f.cause for f in others if case.family.within(case.visit(f), visit)]
     if within:
-        reasons.append(
-            f"{counted(len(within), 'earlier failure')} took time: {listed([f.cause for f in within], 5)}"
-        )
+        reasons.append(f"{counted(len(within), 'earlier failure')} took time: {listed(within, 5)}")
     path = word(failure, "running") or visit.path
     name, limit = path.rsplit("/", 1)[-1], f"{allowed:g} s" if allowed is not None else "its time"
-    at_work = [
-        at
-        for at in case.events(event_types.ItemDoneEvent, visit.start, visit.end)
-        if at.record.node.startswith(visit.path)
-    ]
+    placed = case.events(event_types.ItemDoneEvent, visit.start, visit.end)
+    at_work = [at for at in placed if at.record.node.startswith(visit.path)]
     if at_work and not within:
         done = counted(len(at_work), "item")
         title = f"the mission stops {name} after {limit}, as {visit.name} says: {done} had been done by then"
         return failure.finding("mission.time_is_up", visit.path, title, tuple(reasons))
     done = [v.duration for v in case.family.visits if v.path == path and v.outcome == "SUCCESS"]
+    title = f"{name} was given {limit}, and needs longer"
     if done:
         reasons.append(f"where it succeeded it took {median(done):.1f} s ({counted(len(done), 'time')})")
-    title = f"{name} was given {limit}, and needs longer"
-    if done and allowed is not None and median(done) < allowed / 2:
-        title = f"{name} was stopped after {limit}, and takes {median(done):.1f} s where it succeeds"
+        if allowed is not None and median(done) < allowed / 2:
+            title = f"{name} was stopped after {limit}, and takes {median(done):.1f} s where it succeeds"
     return failure.finding("tree.timeout", visit.path, title, tuple(reasons))
 
 
@@ -318,18 +284,20 @@ def explain_unacknowledged_stop(case: Investigation, failure: FailureStory) -> F
     stops = case.events(event_types.SafetyStopEvent, end=failure.time)
     if failure.cause != "safety.stop" or not stops:
         return None
-    stop = stops[-1]
-    if stop.record.cause == "safety.payload" and failure.item:
-        title = f"{failure.item} weighs more than the hand may carry: {stop.record.message}"
+    stop, item = stops[-1], failure.item
+    if stop.record.cause == "safety.payload" and item:
+        title = f"{item} weighs more than the hand may carry: {stop.record.message}"
         reasons = (f"the safety monitor stopped the arm for it at {seconds(stop.time)}",)
-        return Finding(
-            "item.heavy", case.pairs.get(failure.item, ""), title, reasons, failure.item, stop.time
-        )
-    at = f" at {failure.item}" if failure.item else ""
+        return Finding("item.heavy", case.pairs.get(item, ""), title, reasons, item, stop.time)
+    at = f" at {item}" if item else ""
     title = f"the safety monitor stopped the arm{at}: {stop.record.message}"
     reasons = (f"at {seconds(stop.time)}; every motion is refused until a SafeRetreat acknowledges the stop",)
-    about = failure.item or failure.node
-    return Finding(stop.record.cause, about, title, reasons, failure.item, stop.time)
+    return Finding(stop.record.cause, item or failure.node, title, reasons, item, stop.time)
+
+
+def _first_hung(case: Investigation, visits: Sequence[node_visits.Visit]) -> Finding | None:
+    found = (explain_hang(case, visit) for visit in visits)
+    return next((hung for hung in found if hung is not None), None)
 
 
 def _leaves(case: Investigation, visits: list[node_visits.Visit]) -> list[node_visits.Visit]:

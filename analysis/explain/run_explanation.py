@@ -5,26 +5,16 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from picktree.files import Expression, PicktreeError, listed
-from picktree.logs import (
-    BeliefEvent,
-    Failure,
-    RunAccount,
-    RunRecord,
-    Stamped,
-    log_files,
-    log_records,
-    node_visits,
-)
+from picktree.logs import BeliefEvent, RunAccount, RunRecord, Stamped, log_files, log_records, node_visits
 from picktree.robot.manipulation import pick_candidates
 from picktree.world import (
     Candidates,
-    Cause,
     JournalEvent,
     Plan,
     all_causes,
@@ -35,7 +25,7 @@ from picktree.world import (
 )
 from picktree.world.scene import destinations
 
-from .body_tracks import horizontal_distance
+from .body_tracks import between, horizontal_distance
 from .case import Investigation
 from .explanation import (
     CandidateChoice,
@@ -48,16 +38,14 @@ from .explanation import (
     KeyMoment,
     RejectedCandidate,
     RootCause,
-    distance,
     number,
-    place,
-    seconds,
 )
 from .held_items import held_periods
 from .hypotheses import root_causes_of
 from .item_causes import MIN_ERROR
 from .run_endings import explain_nothing_seen, goal_of
 from .seen_world import SeenWorld
+from .wording import distance, place, seconds
 
 if TYPE_CHECKING:
     from picktree.logs import RunResult, RunStatus
@@ -66,12 +54,9 @@ if TYPE_CHECKING:
 def choices_before(run: RunRecord, source: node_visits.Visit) -> tuple[CandidateChoice, ...]:
     """Return the choices of candidates of the failed visit for its item or heap, in order of time."""
     names = (source.item, heap_geometry.heap_id(source.item))
-    found = [
-        _of_candidates(at)
-        for at in run.candidates
-        if source.start - 1e-6 <= at.time <= source.end + 1e-6 and at.record.object in names
-    ]
-    plans = [at for at in run.plans if source.start - 1e-6 <= at.time <= source.end + 1e-6]
+    candidates = between(run.candidates, source.start, source.end)
+    found = [_of_candidates(at) for at in candidates if at.record.object in names]
+    plans = between(run.plans, source.start, source.end)
     refused = [at for at in plans if at.record.outcome != "found"]
     if refused and plans[-1] is refused[-1]:
         found.append(_of_plans(refused, len(plans), source.item))
@@ -80,42 +65,28 @@ def choices_before(run: RunRecord, source: node_visits.Visit) -> tuple[Candidate
 
 def _of_candidates(at: Stamped[Candidates]) -> CandidateChoice:
     record = at.record
-    stages = tuple((stage.name, stage.count) for stage in record.stages)
-    found = pick_candidates.count_rejections(record.tried, record.into)
-    if found:
-        rejections = tuple(RejectedCandidate(f.name, f.words, f.count, f.stage, f.by) for f in found)
-        return CandidateChoice(at.time, record.purpose, record.object, stages, rejections)
+    staged = pick_candidates.count_rejections(record.tried, record.into)
     refused = Counter(c.verdict for c in record.tried if c.verdict != "accepted")
-    names: dict[str, str] = {}
-    for candidate in record.tried:
-        names.setdefault(candidate.verdict, candidate.name)
-    return CandidateChoice(
-        at.time,
-        record.purpose,
-        record.object,
-        stages,
-        tuple(RejectedCandidate(names[reason], reason, count) for reason, count in refused.most_common()),
-    )
+    names = {c.verdict: c.name for c in reversed(record.tried)}
+    rejections = [RejectedCandidate(f.name, f.words, f.count, f.stage, f.by) for f in staged] or [
+        RejectedCandidate(names[reason], reason, count) for reason, count in refused.most_common()
+    ]
+    stages = tuple((stage.name, stage.count) for stage in record.stages)
+    return CandidateChoice(at.time, record.purpose, record.object, stages, tuple(rejections))
 
 
 def _of_plans(refused: list[Stamped[Plan]], plans: int, item: str) -> CandidateChoice:
     """Return the failed plans as one choice. Messages that differ in numbers only count as one."""
-    alike: dict[str, list[Stamped[Plan]]] = {}
+    alike: dict[str, list[Plan]] = {}
     for at in refused:
         words = re.sub(r"[\d.]+", "#", f"{at.record.outcome} {at.record.message}")
-        alike.setdefault(words, []).append(at)
-    return CandidateChoice(
-        refused[-1].time,
-        "plan",
-        item,
-        (("asked for", plans), ("found", plans - len(refused))),
-        tuple(
-            RejectedCandidate(
-                group[0].record.request, f"{group[0].record.outcome}: {group[0].record.message}", len(group)
-            )
-            for group in sorted(alike.values(), key=len, reverse=True)
-        ),
+        alike.setdefault(words, []).append(at.record)
+    rejections = tuple(
+        RejectedCandidate(first.request, f"{first.outcome}: {first.message}", 1 + len(others))
+        for first, *others in sorted(alike.values(), key=len, reverse=True)
     )
+    counts = (("asked for", plans), ("found", plans - len(refused)))
+    return CandidateChoice(refused[-1].time, "plan", item, counts, rejections)
 
 
 _IN_MOTION = ("world.disturbed", "safety.", "control.")
@@ -125,41 +96,44 @@ FAULT_TIME = 5.0
 
 def failure_context(
     case: Investigation, failure: FailureStory, planted: Sequence[Stamped[event_types.FaultEvent]]
-) -> tuple[str, ...]:
-    return (
-        *_belief(case, failure),
-        *_hand(case, failure),
-        *_stops(case, failure),
-        *_halted(case, failure),
-        *_faults(case, failure, planted),
-    )
+) -> Iterator[str]:
+    """Yield sentences on the moment of a failure: belief, hand, stops, halted nodes, injected faults."""
+    yield from _belief(case, failure)
+    gripper, visit = case.gripper, case.visit(failure)
+    known = number(failure, "width") is not None or not failure.cause.startswith(_IN_MOTION)
+    if not known and len(gripper.times):
+        width = gripper.widths[max(int((gripper.times <= failure.time + 1e-6).sum()) - 1, 0)]
+        yield f"hand: the fingers were {max(float(width), 0.0) * 1000:.0f} mm open"
+    for at in case.events(event_types.SafetyStopEvent, start=visit.start, end=failure.time):
+        yield f"safety: the arm was stopped at {seconds(at.time)}: {at.record.message}"
+    if stopped := case.halted_with(visit):
+        yield f"stopped with it: {listed([v.name for v in reversed(stopped)], 4)}"
+    true = case.pairs.get(failure.item)
+    for at in between(planted, failure.time - FAULT_TIME, failure.time):
+        if true is not None and at.record.item == true:
+            yield f"planted: {at.record.message} ({failure.time - at.time:.1f} s before)"
 
 
-def _belief(case: Investigation, failure: FailureStory) -> list[str]:
-    """Return the believed and the true place of the item as text."""
-    if not failure.item:
-        return []
+def _belief(case: Investigation, failure: FailureStory) -> Iterator[str]:
+    """Yield the believed and the true place of the item as text."""
+    item = failure.item
     before = failure.time - 1e-3  # the belief of the moment before, which the failure may have changed
-    believed, true = case.belief.at(failure.item, before), case.pairs.get(failure.item)
-    really = None if true is None else _really(case, failure, true)
-    bins = case.scene.bins if case.scene else ()
-    if believed is None and any(failure.item == bin_.id for bin_ in bins):
-        return []
+    believed, true = case.belief.at(item, before), case.pairs.get(item)
     if believed is None:
-        return [f"belief: {failure.item} is not known"]
+        if item and item not in case.bins:
+            yield f"belief: {item} is not known"
+        return
     where = "in the hand" if believed.attached else f"at {place(believed.pose.position)}"
-    sentences = [f"belief: {failure.item} {where}, last seen at {seconds(believed.last_seen)}"]
-    if true is not None and _gone(case, failure, true):
-        sentences.append(
-            f"truth: {failure.item} is nowhere any more"
-            if case.world.is_true
-            else f"later: {failure.item} was not seen again"
-        )
-    elif really is not None and horizontal_distance(really, believed) > MIN_ERROR:
-        off = distance(horizontal_distance(really, believed))
+    yield f"belief: {item} {where}, last seen at {seconds(believed.last_seen)}"
+    if true is None:
+        return
+    gone, really = case.gone(true), _really(case, failure, true)
+    if gone is not None and gone[1] <= failure.time + case.sampled:
+        vanished = f"truth: {item} is nowhere any more"
+        yield vanished if case.world.is_true else f"later: {item} was not seen again"
+    elif really is not None and (away := horizontal_distance(really, believed)) > MIN_ERROR:
         word = "truth" if case.world.is_true else "seen later"
-        sentences.append(f"{word}: {failure.item} at {place(really.pose.position)}, {off} from the belief")
-    return sentences
+        yield f"{word}: {item} at {place(really.pose.position)}, {distance(away)} from the belief"
 
 
 def _really(case: Investigation, failure: FailureStory, true: str) -> log_records.BodyRecord | None:
@@ -168,52 +142,6 @@ def _really(case: Investigation, failure: FailureStory, true: str) -> log_record
     then = case.belief.at(failure.item, later)
     carried = then is not None and then.attached
     return None if carried else case.bodies.at(true, later)
-
-
-def _gone(case: Investigation, failure: FailureStory, true: str) -> bool:
-    gone = case.gone(true)
-    return gone is not None and gone[1] <= failure.time + case.sampled
-
-
-def _hand(case: Investigation, failure: FailureStory) -> list[str]:
-    gripper = case.gripper
-    known = number(failure, "width") is not None or not failure.cause.startswith(_IN_MOTION)
-    if known or not len(gripper.times):
-        return []
-    at = max(int((gripper.times <= failure.time + 1e-6).sum()) - 1, 0)
-    width = float(gripper.widths[at])
-    return [f"hand: the fingers were {max(width, 0.0) * 1000:.0f} mm open"]
-
-
-def _stops(case: Investigation, failure: FailureStory) -> list[str]:
-    visit = case.visit(failure)
-    return [
-        f"safety: the arm was stopped at {seconds(at.time)}: {at.record.message}"
-        for at in case.events(event_types.SafetyStopEvent, start=visit.start, end=failure.time)
-    ]
-
-
-def _halted(case: Investigation, failure: FailureStory) -> list[str]:
-    visit = case.visit(failure)
-    stopped = [
-        v.name
-        for v in case.family.visits
-        if v.outcome == node_visits.HALTED and v.last == visit.last and case.family.within(v, visit)
-    ]
-    return [f"stopped with it: {listed(stopped[::-1], 4)}"] if stopped else []
-
-
-def _faults(
-    case: Investigation, failure: FailureStory, planted: Sequence[Stamped[event_types.FaultEvent]]
-) -> list[str]:
-    true = case.pairs.get(failure.item)
-    return [
-        f"planted: {at.record.message} ({failure.time - at.time:.1f} s before)"
-        for at in planted
-        if true is not None
-        and at.record.item == true
-        and failure.time - FAULT_TIME <= at.time <= failure.time
-    ]
 
 
 def failures_of(run: RunRecord, account: RunAccount) -> tuple[FailureStory, ...]:
@@ -225,45 +153,40 @@ def failures_of(run: RunRecord, account: RunAccount) -> tuple[FailureStory, ...]
     # The innermost step that fails together with its skill; a skill may go on after a failed step.
     steps = {(step.visit, step.end): step.name for step in reversed(run.steps) if step.outcome == "failure"}
     for failure in account.failures:
-        step = steps.get((failure.source.number, failure.source.end), "")
-        story = _story(run, len(found), failure, causes.get(failure.source.cause), step)
-        episode = account.recovery.of_failure(story.cause, story.time, story.node)
+        source, cause = failure.source, causes.get(failure.source.cause)
+        node = source.origin or source.path
+        episode = account.recovery.of_failure(source.cause, source.end, node)
         lost = 0.0 if episode in charged or episode is None else account.recovery.episodes[episode].seconds
         charged.add(episode)
-        follows = _follows(failure.source, before, account.tree)
-        found.append(replace(story, because_of=follows, episode=episode, seconds_lost=lost))
-        before.append(failure.source)
+        story = FailureStory(
+            number=len(found),
+            time=source.end,
+            tick=source.last,
+            visit=source.number,
+            node=node,
+            id=next((n.id for n in run.tree_at(source.end).nodes if n.path == node), source.id),
+            item=source.item,
+            attempt=source.attempt,
+            cause=source.cause,
+            sentence=cause.sentence if cause else "",
+            remedy=remedy_of(cause, source.evidence) if cause else "",
+            step=steps.get((source.number, source.end), ""),
+            message=source.message,
+            evidence=source.evidence,
+            chain=failure.chain,
+            handled_by=failure.handled_by,
+            fate=failure.decided.fate,
+            fate_by=failure.decided.by,
+            fate_at=failure.decided_at,
+            because_of=_follows(source, before, account.tree),
+            choices=choices_before(run, source),
+            observed=(),
+            episode=episode,
+            seconds_lost=lost,
+        )
+        found.append(story)
+        before.append(source)
     return tuple(found)
-
-
-def _story(run: RunRecord, number: int, failure: Failure, cause: Cause | None, step: str) -> FailureStory:
-    source = failure.source
-    node = source.origin or source.path
-    known = run.tree_at(source.end).nodes
-    return FailureStory(
-        number=number,
-        time=source.end,
-        tick=source.last,
-        visit=source.number,
-        node=node,
-        id=next((n.id for n in known if n.path == node), source.id),
-        item=source.item,
-        attempt=source.attempt,
-        cause=source.cause,
-        sentence=cause.sentence if cause else "",
-        remedy=remedy_of(cause, source.evidence) if cause else "",
-        step=step,
-        message=source.message,
-        evidence=source.evidence,
-        chain=failure.chain,
-        handled_by=failure.handled_by,
-        fate=failure.decided.fate,
-        fate_by=failure.decided.by,
-        fate_at=failure.decided_at,
-        because_of=None,
-        choices=choices_before(run, source),
-        observed=(),
-    )
 
 
 def _follows(
@@ -379,19 +302,17 @@ def _item_story(case: Investigation, names: Sequence[str]) -> ItemStory:
 
 def _no_item(case: Investigation, item: str) -> str:
     """Return the truth about a believed item that is no true item; empty without ground truth in the log."""
-    if item not in case.identities.phantoms:
+    near = case.identities.phantoms.get(item)
+    if near is None:
         return ""
-    near = case.identities.phantoms[item]
     return f"truly a part of {case.name_of(near)}" if near else "truly nothing was there"
 
 
 def _unseen(case: Investigation, true: str) -> ItemStory:
-    body = case.bodies.tracks[true].last
-    score = case.verdicts.get(true)
+    body, score = case.bodies.tracks[true].last, case.verdicts.get(true)
     state = "done" if score is not None and score.is_in_place else "left"
-    bin_ = case.bin_at(body)
-    heaped = case.scene is not None and any(each.id == bin_ and each.is_tote for each in case.scene.bins)
-    unknown = "never taken out" if heaped else "never seen"
+    bin_ = case.bins.get(case.bin_at(body))
+    unknown = "never taken out" if bin_ is not None and bin_.is_tote else "never seen"
     return ItemStory(true, body.kind, body.colour, state, (), f"{_truth(case, true)}; {unknown}")
 
 
@@ -417,24 +338,21 @@ def _state(case: Investigation, item: str) -> ItemState:
 
 def _truth(case: Investigation, true: str) -> str:
     """Return the true place of an item at the end, in the scorer's words."""
-    score = case.verdicts.get(true)
     if case.gone(true) is not None:
         return "truly nowhere any more" if case.world.is_true else "not seen again"
-    body = case.bodies.tracks[true].bodies[-1]
+    score, body = case.verdicts.get(true), case.bodies.tracks[true].last
     lies = case.bin_at(body)
-    where = f"in {lies}" if lies else f"at {place(body.pose.position)}"
-    if lies and score is not None and score.depth is not None and not score.reason:
+    where = f"truly {case.where(body)}" if case.world.is_true else f"by the belief {case.where(body)}"
+    if score is not None and lies and score.depth is not None and not score.reason:
         where += f", {1000 * score.depth:.1f} mm deep"
     if score is not None and score.reason:
         where += f": {score.reason}"
     elif score is not None and score.is_in_place:
         where += ", where it belongs"
-    elif score is not None and score.destination and score.destination == lies:
-        where += ", where it belongs, but is not at rest in it"
     elif score is not None and score.destination:
-        where += f"; it belongs into {score.destination}"
-    source = "truly" if case.world.is_true else "by the belief"
-    return f"{source} {where}, and was taken away with it" if true in case.departed else f"{source} {where}"
+        there = ", where it belongs, but is not at rest in it"
+        where += there if score.destination == lies else f"; it belongs into {score.destination}"
+    return f"{where}, and was taken away with it" if true in case.departed else where
 
 
 def _events_by_item(case: Investigation) -> dict[str, list[Stamped[JournalEvent]]]:
@@ -452,28 +370,25 @@ def _events_by_item(case: Investigation) -> dict[str, list[Stamped[JournalEvent]
 
 def _happened(at: Stamped[JournalEvent], known_as: str) -> list[ItemEvent]:
     """Return an event as events of an item. `known_as`: other name of the item in the event."""
-    event = at.record
+    event, node = at.record, at.record.node
     match event:
         case event_types.HandledEvent():
-            return [ItemEvent(at.time, "passed over", event.node)]
+            text = "passed over"
         case event_types.PickEvent() if event.held:
-            return [ItemEvent(at.time, f"held{known_as}{_felt(event)}", event.node)]
+            text = f"held{known_as}"
+            if event.width is not None and event.load is not None:
+                felt = f"{event.width * 1000:.0f} mm between the fingers, {event.load:.2f} N on the wrist"
+                text += f" ({felt})"
         case event_types.ItemDoneEvent():
-            text = f"placed into {event.into}" if event.into else "put down"
-            return [ItemEvent(at.time, f"{text}{known_as}", event.node)]
+            text = f"placed into {event.into}{known_as}" if event.into else f"put down{known_as}"
         case event_types.SetAsideEvent():
-            return [ItemEvent(at.time, "set aside: left where it lies", event.node)]
+            text = "set aside: left where it lies"
         case BeliefEvent():
-            text = _change(event)
-            return [ItemEvent(at.time, f"{text}{known_as}")] if text else []
+            text, node = _change(event), ""
+            text += known_as if text else ""
         case _:
-            return []
-
-
-def _felt(pick: event_types.PickEvent) -> str:
-    if pick.width is None or pick.load is None:
-        return ""
-    return f" ({pick.width * 1000:.0f} mm between the fingers, {pick.load:.2f} N on the wrist)"
+            text = ""
+    return [ItemEvent(at.time, text, node)] if text else []
 
 
 def _change(event: BeliefEvent) -> str:
@@ -493,38 +408,37 @@ def _change(event: BeliefEvent) -> str:
 
 
 def outcome_of(case: Investigation, visits: Sequence[node_visits.Visit]) -> ExplainedOutcome:
-    run, end = case.run, case.end
-    result = run.result
+    """Return status, sentence and counts of a run's end, by the result or by the belief."""
+    result, doing = case.run.result, _doing(visits)
     if result is None:
-        return ExplainedOutcome(_status(run), _cut_off(run, visits, end), end, None, None)
+        return ExplainedOutcome(*_cut_off(case.run, doing), case.end, None, None)
     count = Counter(each.verdict for each in case.verdicts.values())
+    judged = case.world.is_true or result.as_believed
     done, total = result.items.sorted, result.items.total
-    if not (case.world.is_true or result.as_believed):
+    if not judged:
         done, total = count["sorted"], count.total() - count["no destination"]
-    homeless = sum(not verdict.destination for verdict in case.verdicts.values())
     counts = f"{done} of {total} items are where they belong"
-    if homeless:
+    if homeless := sum(not verdict.destination for verdict in case.verdicts.values()):
         counts += f" (the scene's rules give {homeless} of all items no destination)"
     wrong = (("crushed", "crushed"), ("misplaced", "in a wrong bin"), ("left", "left"))
     counts += "".join(f", {count[verdict]} {words}" for verdict, words in wrong if count[verdict])
     counts += "" if case.world.is_true else ", as the robot believes"
     aside = {at.record.object for at in case.events(event_types.SetAsideEvent)}
     elsewhere = {at.record.object for at in case.events(event_types.ItemDoneEvent) if not at.record.into}
-    others = [f"{len(aside)} set aside"] * bool(aside) + [f"{len(elsewhere)} put down elsewhere"] * bool(
-        elsewhere
-    )
+    others = [f"{len(aside)} set aside"] if aside else []
+    others += [f"{len(elsewhere)} put down elsewhere"] if elsewhere else []
     counts += f" (the robot: {', '.join(others)})" if others else ""
-    status = result.status if case.world.is_true or result.as_believed else _status_by_belief(case, result)
+    status, message = result.status if judged else _status_by_belief(case, result), result.message
     sentence = {
-        "success": f"the mission succeeded and its goal is reached: {counts}",
-        "incomplete": f"the mission ended in SUCCESS, but its goal is missed: {counts}",
-        "failure": f"the mission ended in FAILURE: {result.message or 'a condition did not hold'}; {counts}",
-        "timeout": f"the run was ended at its limit of time{_doing(visits)}; {counts}",
-        "paused": f"the run waits for help: {result.message}; {counts}",
-        "interrupted": f"the run was interrupted{_doing(visits)}; {counts}",
-        "stopped": f"the robot's own side ended the run{_doing(visits)}: {result.message}; {counts}",
+        "success": "the mission succeeded and its goal is reached:",
+        "incomplete": "the mission ended in SUCCESS, but its goal is missed:",
+        "failure": f"the mission ended in FAILURE: {message or 'a condition did not hold'};",
+        "timeout": f"the run was ended at its limit of time{doing};",
+        "paused": f"the run waits for help: {message};",
+        "interrupted": f"the run was interrupted{doing};",
+        "stopped": f"the robot's own side ended the run{doing}: {message};",
     }[status]
-    return ExplainedOutcome(status, sentence, end, done, total)
+    return ExplainedOutcome(status, f"{sentence} {counts}", case.end, done, total)
 
 
 def _status_by_belief(case: Investigation, result: RunResult) -> RunStatus:
@@ -541,37 +455,20 @@ def _status_by_belief(case: Investigation, result: RunResult) -> RunStatus:
     return "success" if reached else "incomplete"
 
 
-def _status(run: RunRecord) -> str:
-    ended = run.log.result.get("ended", "")
-    if ended and ended != "orderly":
-        return "crashed"
-    if _next_file(run):
-        return "continued"
-    if run.log.in_progress:
-        return "running"
-    return "unknown" if run.log.lacks_result else "killed"
-
-
-def _next_file(run: RunRecord) -> str:
-    """Return the name of the file that continues this one of a rotated log.
-
-    It is empty for a whole log, and for the last file.
-    """
-    log = run.log
-    return log.metadata.get(log_files.NEXT_METADATA, {}).get("part", "") if log.part > 1 else ""
-
-
-def _cut_off(run: RunRecord, visits: Sequence[node_visits.Visit], end: float) -> str:
-    ended = run.log.result.get("ended", "")
-    if ended and ended != "orderly":
-        return f"the run was ended at {end:.2f} s by an error of the program ({ended}){_doing(visits)}"
-    if following := _next_file(run):
-        return f"this file of the log ends at {end:.2f} s{_doing(visits)}; the run continues in {following}"
-    if run.log.in_progress:
-        return f"the run is still in progress: its log has come to {end:.2f} s{_doing(visits)}"
-    if run.log.lacks_result:
-        return f"the log ends at {end:.2f} s, and the result of the run was left out{_doing(visits)}"
-    return f"the log ends at {end:.2f} s without a result: the process was killed{_doing(visits)}"
+def _cut_off(run: RunRecord, doing: str) -> tuple[str, str]:
+    """Return status and sentence of the end of a log without a result. `doing`: the nodes that ran."""
+    log, ends = run.log, f"{run.last_tick:.2f} s"
+    error = log.result.get("ended", "")
+    following = log.metadata.get(log_files.NEXT_METADATA, {}).get("part", "") if log.part > 1 else ""
+    if error and error != "orderly":
+        return "crashed", f"the run was ended at {ends} by an error of the program ({error}){doing}"
+    if following:  # of a rotated log
+        return "continued", f"this file of the log ends at {ends}{doing}; the run continues in {following}"
+    if log.in_progress:
+        return "running", f"the run is still in progress: its log has come to {ends}{doing}"
+    if log.lacks_result:
+        return "unknown", f"the log ends at {ends}, and the result of the run was left out{doing}"
+    return "killed", f"the log ends at {ends} without a result: the process was killed{doing}"
 
 
 def _doing(visits: Sequence[node_visits.Visit]) -> str:
@@ -687,7 +584,7 @@ def _with_run_facts(
     ]
     return replace(
         failure,
-        observed=failure_context(case, failure, planted),
+        observed=tuple(failure_context(case, failure, planted)),
         made_good_at=done[0] if done and failure.fate in ("passed_over", "branched") else None,
         root_cause=next((n for n, cause in enumerate(causes) if failure.number in cause.failures), None),
     )

@@ -64,16 +64,12 @@ class SeenWorld:
         found: dict[str, ItemVerdict] = {}
         totes = {str(each.id) for each in case.scene.bins if each.is_tote} if case.scene else set[str]()
         for item, track in self.items.tracks.items():
-            last = track.last
-            destination = case.destination(last)
+            last, destination = track.last, case.destination(track.last)
             inside = "" if last.attached or last.place in totes else case.container(last.place)
-            if case.gone(item) is not None:
-                verdict = "left"
-            elif inside:
+            verdict = "left" if destination or case.gone(item) is not None else "no destination"
+            if inside and case.gone(item) is None:
                 right = bool(destination) and destinations.is_at(inside, destination)
                 verdict = "sorted" if right else "misplaced"
-            else:
-                verdict = "left" if destination else "no destination"
             found[item] = ItemVerdict(destination, inside, verdict)
         return found
 

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import cast
 
+import numpy as np
 import yaml
 
 from picktree.files import listed
@@ -15,10 +16,11 @@ from picktree.logs import log_records
 from picktree.world import Pose, event_types, extents, grasp, heap_geometry
 from picktree.world.scene import Bin, destinations
 
+from .body_tracks import between as records_between
 from .camera_causes import explain_hidden_by_arm
 from .case import Investigation
-from .explanation import FailureStory, Finding, between, counted, distance, place, seconds, times
-from .held_items import held_periods
+from .explanation import FailureStory, Finding
+from .held_items import holds_of
 from .item_causes import (
     displacement_since,
     explain_late_arrival,
@@ -27,6 +29,7 @@ from .item_causes import (
     taken_item,
 )
 from .obstruction_causes import explain_hidden
+from .wording import between, counted, distance, place, seconds, times
 
 THING_RADIUS = 0.035
 """Distance from a thing's centre within which grasps and failed closings belong to it, m."""
@@ -62,9 +65,8 @@ def explain_left_in_tote(case: Investigation, failure: FailureStory) -> Finding 
 
     None when the failure is no such search.
     """
-    if failure.cause != grasp.NO_CANDIDATE.name:
-        return None
-    return case.once(_left_in_totes).get(_delivery(case, failure))
+    searched = failure.cause == grasp.NO_CANDIDATE.name
+    return case.once(_left_in_totes).get(_delivery(case, failure)) if searched else None
 
 
 def explain_left_thing(case: Investigation, true: str) -> Finding | None:
@@ -97,13 +99,10 @@ def _left(case: Investigation, tote: str, number: int, time: float) -> Finding:
     if not left:
         reasons = (f"{case.truly}nothing was left in it at {seconds(time)}",)
         return Finding("heap.empty", tote, f"{tote} was empty", reasons, "", time)
-    states = Counter(one.state.split(",")[0] for one in left)
-    title = (
-        f"{counted(len(left), 'thing')} in {tote} got no grasp: "
-        f"{listed([f'{n} {state}' for state, n in states.most_common()], 5)}"
-    )
-    about, reasons = f"{tote} {number}", tuple(str(one) for one in left)
-    return Finding("heap.out_of_reach", about, title, reasons, "", time)
+    states = Counter(one.state.split(",")[0] for one in left).most_common()
+    counts = listed([f"{n} {state}" for state, n in states], 5)
+    title = f"{counted(len(left), 'thing')} in {tote} got no grasp: {counts}"
+    return Finding("heap.out_of_reach", f"{tote} {number}", title, tuple(map(str, left)), "", time)
 
 
 def remains(case: Investigation, tote: str, time: float) -> list[Remainder]:
@@ -131,19 +130,17 @@ def remains(case: Investigation, tote: str, time: float) -> list[Remainder]:
 
 def lying(tote: Bin, heap: log_records.BodyRecord | None, body: log_records.BodyRecord) -> str:
     """Return how a thing lies in a tote, in words. `heap`: the columns that were seen."""
-    inverse = tote.pose.inverse()
-    low, high = extents(body.shape, (inverse @ body.pose).rotation())
-    x, y, z = (inverse @ body.pose).position
-    inner_low, inner_high = tote.inside()
-    top = z + float(high[2])
+    pose = tote.pose.inverse() @ body.pose
+    (low, high), (inner_low, inner_high) = extents(body.shape, pose.rotation()), tote.inside()
+    height = pose.position[2] + float(high[2]) - inner_low[2]
     over = -math.inf if heap is None else _column(heap, body.pose.position) - body.pose.position[2]
     if over - float(high[2]) > COVER_DEPTH:
         return "hidden below other things"
-    if top - inner_low[2] < MIN_GRIP_HEIGHT:
-        return f"flat, {1000 * max(0.0, top - inner_low[2]):.0f} mm high"
-    sides = ((x, low[0], high[0], 0), (y, low[1], high[1], 1))
-    gap = min(min(inner_high[k] - at - far, at + near - inner_low[k]) for at, near, far, k in sides)
-    gap = max(0.0, float(gap))
+    if height < MIN_GRIP_HEIGHT:
+        return f"flat, {1000 * max(0.0, height):.0f} mm high"
+    at = np.array(pose.position)
+    walls = np.minimum(np.subtract(inner_high, at + high), at + low - inner_low)
+    gap = max(0.0, float(walls[:2].min()))
     return f"at a wall, {distance(gap)} from it" if gap < FINGER_ROOM else "seen and away from the walls"
 
 
@@ -160,12 +157,9 @@ def _column(heap: log_records.BodyRecord, point: Sequence[float]) -> float:
 
 def _refused(case: Investigation, tote: str, time: float) -> list[tuple[Sequence[float], str]]:
     """Return place and reason of the grasps that the last search before that time refused."""
-    found = [
-        at
-        for at in case.run.candidates
-        if at.record.object == heap_geometry.heap_id(tote) and time - SEARCH_TIME <= at.time <= time
-    ]
-    tried = (one for at in found for one in at.record.tried)
+    heap = heap_geometry.heap_id(tote)
+    searches = records_between(case.run.candidates, time - SEARCH_TIME, time)
+    tried = (one for at in searches if at.record.object == heap for one in at.record.tried)
     return [(one.position, f"would touch {one.by}" if one.by else one.verdict) for one in tried]
 
 
@@ -218,18 +212,13 @@ def explain_unsorted(case: Investigation, true: str) -> Finding | None:
     done = _placed(case, true)
     if done is None:
         return _taken(case, true, "") or _set_aside(case, true) or _not_tried(case, true)
-    time, item, into, node = done
-    if not into:
-        return (
-            _put_elsewhere(case, true, item, node, time)
-            if case.gone(true) is None
-            else _taken(case, true, into)
-        )
+    if not done.into:
+        return _taken(case, true, "") or _put_elsewhere(case, true, done)
     return (
-        _wrong_bin(case, true, item, into, node)
-        or _taken(case, true, into)
-        or _not_seated(case, true, item, into, time)
-        or _left_bin(case, true, item, into, time)
+        _wrong_bin(case, true, done)
+        or _taken(case, true, done.into)
+        or _not_seated(case, true, done)
+        or _left_bin(case, true, done)
     )
 
 
@@ -239,45 +228,55 @@ def explain_crushed_item(case: Investigation, true: str) -> Finding | None:
     if not found:
         return None
     first, item = found[0], case.name_of(true)
-    force = max(each.force for each in found)
-    title = (
-        f"{item} was crushed: {first.finger} pressed with {force:.0f} N, and the item withstands "
-        f"{first.limit:.0f} N"
-    )
-    gripped = any(p.true == true and p.start <= first.time <= p.end for p in case.once(held_periods))
+    force = f"{max(each.force for each in found):.0f} N"
+    withstands = f"the item withstands {first.limit:.0f} N"
+    title = f"{item} was crushed: {first.finger} pressed with {force}, and {withstands}"
     body = case.bodies.tracks[true].before(first.time)
-    lay = f": it lay at {place(body.pose.position)}" if body is not None else ""
-    how = "it was in the hand then" if gripped else f"it was not in the hand then{lay}"
+    how = "it was not in the hand then"
+    if any(p.start <= first.time <= p.end for p in holds_of(case, true)):
+        how = "it was in the hand then"
+    elif body is not None:
+        how += f": it lay at {place(body.pose.position)}"
     reasons = (f"a force above that was first measured at {seconds(first.time)}", how)
     return Finding("item.crushed", true, title, reasons, item, first.time)
 
 
 def explain_wrong_bin(case: Investigation, failure: FailureStory) -> Finding | None:
     """Return the finding that the item was placed in a wrong bin before the failure; else None."""
-    true = case.pairs.get(failure.item)
-    done = None if true is None else _placed(case, true, failure.time)
-    return None if true is None or done is None else _wrong_bin(case, true, done[1], done[2], done[3])
+    true = case.pairs.get(failure.item, "")
+    done = _placed(case, true, failure.time)
+    return None if done is None else _wrong_bin(case, true, done)
 
 
 def placed_at(case: Investigation, true: str) -> float | None:
     """Return the believed time of the item's last placement, s; None without one."""
     done = _placed(case, true)
-    return None if done is None else done[0]
+    return None if done is None else done.time
 
 
-def _placed(case: Investigation, true: str, until: float = math.inf) -> tuple[float, str, str, str] | None:
-    """Return the last placement of an item: time, believed item, bin, node."""
-    names = set(case.believed.get(true, ()))
+@dataclass(frozen=True, slots=True)
+class Placement:
+    """Believed placement of an item."""
+
+    time: float
+    item: str
+    into: str
+    """Bin or hole; empty for any other place."""
+    node: str
+
+
+def _placed(case: Investigation, true: str, until: float = math.inf) -> Placement | None:
+    """Return the last placement of an item."""
+    names = case.believed.get(true, ())
     found = [at for at in case.events(event_types.ItemDoneEvent, end=until) if at.record.object in names]
     if not found:
         return None
     done = found[-1].record
-    return found[-1].time, done.object, done.into or "", done.node
+    return Placement(found[-1].time, done.object, done.into or "", done.node)
 
 
 def _gone_before_seen(case: Investigation, true: str) -> Finding | None:
-    gone = case.gone(true)
-    if gone is None:
+    if (gone := case.gone(true)) is None:
         return None
     title = f"{case.name_of(true)} was taken away before it was ever seen"
     reasons = (f"the log has its true place until {seconds(gone[0])}, and not after that",)
@@ -294,16 +293,13 @@ def _taken(case: Investigation, true: str, into: str) -> Finding | None:
     return taken_item(case, true, item, where, noted if unnoticed else "the robot believed otherwise")
 
 
-def _put_elsewhere(case: Investigation, true: str, item: str, node: str, time: float) -> Finding:
+def _put_elsewhere(case: Investigation, true: str, done: Placement) -> Finding:
     """Return the finding that the mission itself put the item down at a wrong place."""
-    belongs = case.verdicts[true].destination
-    lies = place(case.bodies.tracks[true].last.pose.position)
+    belongs, item, node = case.verdicts[true].destination, done.item, done.node
+    lies, at = place(case.bodies.tracks[true].last.pose.position), case.ports(node).get("at")
     title = f"the mission puts {item} down at {lies}, and it belongs into {belongs or 'no bin'}"
-    ports = case.ports(node)
-    reasons = (
-        (f"{node} has at: {ports['at']}",) if "at" in ports else (f"{node} put it down at {seconds(time)}",)
-    )
-    return Finding("mission.put_elsewhere", node, title, reasons, item, time)
+    reason = f"{node} put it down at {seconds(done.time)}" if at is None else f"{node} has at: {at}"
+    return Finding("mission.put_elsewhere", node, title, (reason,), item, done.time)
 
 
 def _set_aside(case: Investigation, true: str) -> Finding | None:
@@ -316,38 +312,34 @@ def _set_aside(case: Investigation, true: str) -> Finding | None:
     return Finding("mission.set_aside", event.node, title, (f"at {seconds(time)}",), event.object, time)
 
 
-def _wrong_bin(case: Investigation, true: str, item: str, into: str, node: str) -> Finding | None:
-    real = case.bodies.tracks[true].bodies[-1]
-    into_port = case.ports(node).get("into", "")
+def _wrong_bin(case: Investigation, true: str, done: Placement) -> Finding | None:
+    real, item, into = case.bodies.tracks[true].last, done.item, done.into
+    into_port = case.ports(done.node).get("into", "")
     believed = _believed_for(case, item, into if "{" in into_port else "")
     judged = case.verdicts.get(true)
     belongs = case.destination(real) if judged is None else judged.destination
     if not into or not belongs or destinations.is_at(into, belongs):
         return None
-    if (believed.colour, believed.kind) != (real.colour, real.kind) and case.destination(believed) == into:
-        title = (
-            f"{item} was taken for a {believed.colour} {believed.kind} and is a {real.colour} {real.kind}: "
-            f"it was placed into {into} and belongs into {belongs}"
-        )
+    placed = f"it was placed into {into} and belongs into {belongs}"
+    as_believed = case.destination(believed) == into
+    if as_believed and (believed.colour, believed.kind) != (real.colour, real.kind):
+        mistaken = f"taken for a {believed.colour} {believed.kind} and is a {real.colour} {real.kind}"
         about = f"{real.colour} as {believed.colour}" if real.colour != believed.colour else true
-        return Finding("perception.mistaken", about, title, (), item, None)
-    wrong = _mistaken_traits(case, believed, real) if case.destination(believed) == into else ()
-    if wrong:
+        return Finding("perception.mistaken", about, f"{item} was {mistaken}: {placed}", (), item, None)
+    if as_believed and (wrong := _mistaken_traits(case, believed, real)):
         title = f"{item} was placed into {into} and belongs into {belongs}: {listed(wrong, 3)}"
-        reasons = (
-            tuple(f"{each.to} for {each.where}" for each in case.scene.destinations) if case.scene else ()
-        )
-        later = case.belief.tracks[item].bodies[-1]
+        reasons = [f"{each.to} for {each.where}" for each in case.scene.destinations] if case.scene else []
+        later = case.belief.tracks[item].last
         if _mass(later) != _mass(believed):
-            reasons = (*reasons, f"later {_mass(later)} were felt; its bin had been chosen by then")
-        return Finding("perception.mistaken", wrong[0].split(",")[0], title, reasons, item, None)
-    name = node.rsplit("/", 1)[-1]
+            reasons.append(f"later {_mass(later)} were felt; its bin had been chosen by then")
+        return Finding("perception.mistaken", wrong[0].split(",")[0], title, tuple(reasons), item, None)
+    name = done.node.rsplit("/", 1)[-1]
     title = f"the mission takes items into {into} that belong into {belongs}: {name} of {item} says so"
     reasons = (
-        f"{node} has into: {into_port}" if into_port else f"{node} placed it into {into}",
+        f"{done.node} has into: {into_port}" if into_port else f"{done.node} placed it into {into}",
         f"by the scene's rules a {real.colour} {real.kind} belongs into {belongs}",
     )
-    return Finding("mission.wrong_bin", node, title, reasons, item, None)
+    return Finding("mission.wrong_bin", done.node, title, reasons, item, None)
 
 
 def _believed_for(case: Investigation, item: str, into: str) -> log_records.BodyRecord:
@@ -360,11 +352,8 @@ def _believed_for(case: Investigation, item: str, into: str) -> log_records.Body
 
 
 def _mass(body: log_records.BodyRecord) -> str:
-    return (
-        f"{body.mass * 1000:.0f} g"
-        if isinstance(body, log_records.ThingRecord) and body.mass is not None
-        else ""
-    )
+    mass = body.mass if isinstance(body, log_records.ThingRecord) else None
+    return "" if mass is None else f"{mass * 1000:.0f} g"
 
 
 def _mistaken_traits(
@@ -387,98 +376,88 @@ def _mistaken_traits(
     return tuple(found)
 
 
-def _not_seated(case: Investigation, true: str, item: str, into: str, time: float) -> Finding | None:
+def _not_seated(case: Investigation, true: str, done: Placement) -> Finding | None:
     """Return the finding that an item released at a hole is not in it by the scorer's measure; else None."""
-    score = case.verdicts[true]
-    if not any(str(hole.id) == into for fixture in case.fixtures.values() for hole in fixture.holes):
+    score, into = case.verdicts[true], done.into
+    if into not in case.holes:
         return None
-    if score.depth is not None and score.reason:
-        title = f"{item} is not in {into}: {score.reason}"
-        return Finding("insert.not_in", true, title, (), item, time)
-    ends = case.bodies.tracks[true].bodies[-1].pose.position
-    title = f"{item} is not in {into}, where it was let go: in the end it is at {place(ends)}"
-    return Finding("insert.not_in", true, title, (), item, time)
+    title = f"{done.item} is not in {into}: {score.reason}"
+    if score.depth is None or not score.reason:
+        ends = place(case.bodies.tracks[true].last.pose.position)
+        title = f"{done.item} is not in {into}, where it was let go: in the end it is at {ends}"
+    return Finding("insert.not_in", true, title, (), done.item, done.time)
 
 
-def _left_bin(case: Investigation, true: str, item: str, into: str, time: float) -> Finding | None:
+def _left_bin(case: Investigation, true: str, done: Placement) -> Finding | None:
     """Return the finding that an item left its destination after the placement; else None."""
-    track = case.bodies.tracks[true]
-    later = list(track.since(time + 1e-3))
-    inside = [at for at, body in later if case.bin_at(body) == into]
-    lies, ends = track.last, case.bin_at(track.last)
-    neighbours = [id_ for id_ in case.bodies.tracks if id_ != true]
-    others = [
-        case.name_of(id_)
-        for id_ in neighbours
-        if case.gone(id_) is None and case.bin_at(case.bodies.tracks[id_].last) == into
-    ]
-    where = f"in {ends}" if ends else f"at {place(lies.pose.position)}"
-    placed = f"{item} was let go over {into} at {seconds(time)}, and {case.truly}lies {where}"
+    item, into, time = done.item, done.into, done.time
+    track, lies = case.bodies.tracks[true], case.bodies.tracks[true].last
+    later, ends = list(track.since(time + 1e-3)), case.bin_at(lies)
+    inside = [(at, body) for at, body in later if case.bin_at(body) == into]
+    neighbours = {id_: other for id_, other in case.bodies.tracks.items() if id_ != true}
+    there = [id_ for id_, other in neighbours.items() if case.bin_at(other.last) == into]
+    others = listed([case.name_of(id_) for id_ in there if case.gone(id_) is None], 5)
+    placed = f"{item} was let go over {into} at {seconds(time)}, and {case.truly}lies {case.where(lies)}"
+    lay_there = f"in it lie {others}"
 
-    def crowded(title: str, reason: str, at: float) -> Finding:
-        return Finding("bin.crowded", into, title, (placed, reason), item, at)
+    def found(cause: str, title: str, reason: str, at: float) -> Finding:
+        about = into if cause == "bin.crowded" else true
+        return Finding(cause, about, title, (placed, reason) if reason else (placed,), item, at)
 
     if ends == into and case.verdicts[true].moving:
-        title = f"{item} still moved in {into} when the mission ended"
         moved = distance(math.dist(lies.pose.position, track.bodies[-2].pose.position))
-        reasons = (placed, f"it moved {moved} {between(track.times[-2], track.times[-1])}")
-        return Finding("place.not_at_rest", true, title, reasons, item, track.times[-1])
-    then = (case.bodies.at(id_, time) for id_ in neighbours)
-    if not inside and others and any(body is not None and case.bin_at(body) == into for body in then):
-        title = f"{into} has no room for {item}: the item did not stay inside when it was placed"
-        return crowded(title, f"in it lie {listed(others, 5)}", time)
+        reason = f"it moved {moved} {between(track.times[-2], track.times[-1])}"
+        title = f"{item} still moved in {into} when the mission ended"
+        return found("place.not_at_rest", title, reason, track.times[-1])
     if not inside:
-        title = f"{item} fell beside {into} when it was placed"
-        return Finding("place.beside", true, title, (placed,), item, time)
+        then = (case.bodies.at(id_, time) for id_ in neighbours)
+        if others and any(body is not None and case.bin_at(body) == into for body in then):
+            title = f"{into} has no room for {item}: the item did not stay inside when it was placed"
+            return found("bin.crowded", title, lay_there, time)
+        return found("place.beside", f"{item} fell beside {into} when it was placed", "", time)
     if ends == into:
         title = f"{item} lies above the rim of {into}, or does not come to rest there"
-        if others:
-            return crowded(title, f"beside it lie {listed(others, 5)}", time)
-        return Finding("place.not_at_rest", true, title, (placed, "nothing else lies there"), item, time)
-    out, outside = next((t, b) for t, b in later if t > inside[-1] and case.bin_at(b) != into)
-    lay = next(b for t, b in later if t == inside[-1])
-    placed += (
-        f"; it lay in {into}, but later {distance(math.dist(lies.pose.position, lay.pose.position))} away"
-    )
-    placing = case.events(event_types.ItemDoneEvent, start=inside[-1] - PLACING_TIME, end=out + PLACING_TIME)
+        if not others:
+            return found("place.not_at_rest", title, "nothing else lies there", time)
+        return found("bin.crowded", title, f"beside it lie {others}", time)
+    last, lay = inside[-1]
+    out, outside = next((t, b) for t, b in later if t > last and case.bin_at(b) != into)
+    moved = distance(math.dist(lies.pose.position, lay.pose.position))
+    placed += f"; it lay in {into}, but later {moved} away"
+    placing = case.events(event_types.ItemDoneEvent, start=last - PLACING_TIME, end=out + PLACING_TIME)
     pushed = math.dist(outside.pose.position, lay.pose.position) <= PUSH_RANGE
     names = [at.record.object for at in placing if pushed and at.record.into == into]
-    came, when = [name for name in names if name != item], between(inside[-1], out)
+    came, when = [name for name in names if name != item], between(last, out)
     if came:
         title = f"{into} is too small for all its items: {item} left it again {when}"
-        return crowded(
-            title, f"{listed(came, 5)} came down into {into} about then and pushed it out", inside[-1]
-        )
+        reason = f"{listed(came, 5)} came down into {into} about then and pushed it out"
+        return found("bin.crowded", title, reason, last)
     if out - time < PLACING_TIME and others:
         title = f"{into} is too full for {item}: the item did not stay inside when it was placed, {when}"
-        return crowded(title, f"in it lie {listed(others, 5)}", inside[-1])
+        return found("bin.crowded", title, lay_there, last)
     if out - time < PLACING_TIME:
-        title = f"{item} bounced out of {into} when it was placed, {when}"
-        return Finding("place.beside", true, title, (placed,), item, time)
+        return found("place.beside", f"{item} bounced out of {into} when it was placed, {when}", "", time)
     title = f"{item} left {into} again after it had been placed, {when}"
-    reasons = (placed, "nothing was placed there about then: something else than the arm flung it out")
-    return Finding("item.left_bin", true, title, reasons, item, inside[-1])
+    reason = "nothing was placed there about then: something else than the arm flung it out"
+    return found("item.left_bin", title, reason, last)
 
 
 def _not_tried(case: Investigation, true: str) -> Finding | None:
-    item = case.believed[true][-1]
-    if any(v.item in case.believed[true] for v in case.family.visits if v.id == "Grasp"):
+    names, result = case.believed[true], case.run.result
+    item, seen = names[-1], case.belief.tracks[names[-1]].times[0]
+    tried = any(v.item in names for v in case.family.visits if v.id == "Grasp")
+    over = result is not None and result.status in ("success", "incomplete")  # else its turn had not come
+    if tried or not over or case.run.log.lacks_something:
         return None
-    result = case.run.result
-    if result is None or result.status not in ("success", "incomplete"):
-        return None  # the run was over before its turn came
-    if case.run.log.lacks_something:
-        return None  # it may have been tried in what the log lacks
-    moving = displacement_since(case, true, case.belief.tracks[item].times[0], case.end)
-    title = f"the mission never tried {item}"
-    reasons = [f"the belief had it from {seconds(case.belief.tracks[item].times[0])} on"]
+    reasons = (f"the belief had it from {seconds(seen)} on",)
     if condition := skip_condition(case):
         node, text = condition
         title = f"the mission skips {item}: {node} has {text}"
-        return Finding("mission.not_tried", node, title, tuple(reasons), item, None)
-    if moving is not None:
-        reasons.append(f"it was moved by {distance(moving.way)} {between(moving.start, moving.end)}")
-    return Finding("mission.not_tried", "", title, tuple(reasons), item, None)
+        return Finding("mission.not_tried", node, title, reasons, item, None)
+    if (moving := displacement_since(case, true, seen, case.end)) is not None:
+        moved = f"it was moved by {distance(moving.way)} {between(moving.start, moving.end)}"
+        reasons = (*reasons, moved)
+    return Finding("mission.not_tried", "", f"the mission never tried {item}", reasons, item, None)
 
 
 def skip_condition(case: Investigation) -> tuple[str, str] | None:

@@ -14,7 +14,7 @@ from picktree.analysis import Run
 from picktree.analysis.explain.body_tracks import BodyTracks
 from picktree.analysis.explain.case import Investigation
 from picktree.analysis.explain.device_causes import fingers_stuck, joint_saturated, wrist_biased
-from picktree.analysis.explain.explanation import FailureStory, ItemVerdict, RejectedCandidate, between
+from picktree.analysis.explain.explanation import FailureStory, ItemVerdict, RejectedCandidate
 from picktree.analysis.explain.held_items import HeldPeriod, held_periods
 from picktree.analysis.explain.identities import Identities
 from picktree.analysis.explain.item_causes import ItemDisplacement, explain_wrong_place, moved_by_arm
@@ -22,6 +22,7 @@ from picktree.analysis.explain.obstruction_causes import explain_hidden, explain
 from picktree.analysis.explain.run_endings import explain_missed_goal, explain_nothing_seen
 from picktree.analysis.explain.run_explanation import failures_of, investigation
 from picktree.analysis.explain.seen_world import SeenWorld
+from picktree.analysis.explain.wording import between
 from picktree.logs import Stamped
 from picktree.logs.log_records import BodyRecord, Scene
 from picktree.logs.series import ControlSeries, GripperSeries, JointSeries
@@ -112,7 +113,7 @@ def test_an_unknown_body_between_camera_and_item_hides_it(x: float, hidden: bool
     camera = SimpleNamespace(name="overhead", on="world", pose=Pose((0.5, 0.0, 1.5)))
     crate = SimpleNamespace(shape=Box((0.1, 0.1, 0.02)), pose=Pose((0.5 + x, 0.0, 0.4)))
     found = explain_hidden(
-        case(scene=SimpleNamespace(cameras=[camera]), obstacles_at=always([("lid", crate)])),
+        case(fixed_cameras=[camera], obstacles_at=always([("lid", crate)])),
         "red_ball_1",
         cast("Any", SimpleNamespace(pose=Pose((0.5, 0.0, 0.02)))),
         3.0,
