@@ -91,8 +91,9 @@ class FailureStory:
     attempt: Annotated[int, "number of visits of the node for this item so far"]
     cause: Annotated[str, "cause, such as `grasp.missed`"]
     sentence: str
-    """Meaning of the cause; with `remedy` the first remedy. Both concern the cause, not this failure."""
+    """Meaning of the cause; it concerns the cause, not this failure."""
     remedy: str
+    """First remedy to try; empty where the mission cured the failure, or where it follows from another one."""
     step: Annotated[str, "step of the skill that failed, such as `lift`; empty when the skill was in no step"]
     message: Annotated[str, "message of the node"]
     evidence: Values

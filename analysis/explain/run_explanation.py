@@ -153,7 +153,9 @@ def failures_of(run: RunRecord, account: RunAccount) -> tuple[FailureStory, ...]
     # The innermost step that fails together with its skill; a skill may go on after a failed step.
     steps = {(step.visit, step.end): step.name for step in reversed(run.steps) if step.outcome == "failure"}
     for failure in account.failures:
-        source, cause = failure.source, causes.get(failure.source.cause)
+        source, cause, fate = failure.source, causes.get(failure.source.cause), failure.decided.fate
+        follows = _follows(source, before, account.tree)
+        helped = fate in ("cured", "done_instead") or follows is not None
         node = source.origin or source.path
         episode = account.recovery.of_failure(source.cause, source.end, node)
         lost = 0.0 if episode in charged or episode is None else account.recovery.episodes[episode].seconds
@@ -169,16 +171,16 @@ def failures_of(run: RunRecord, account: RunAccount) -> tuple[FailureStory, ...]
             attempt=source.attempt,
             cause=source.cause,
             sentence=cause.sentence if cause else "",
-            remedy=remedy_of(cause, source.evidence) if cause else "",
+            remedy=remedy_of(cause, source.evidence) if cause and not helped else "",
             step=steps.get((source.number, source.end), ""),
             message=source.message,
             evidence=source.evidence,
             chain=failure.chain,
             handled_by=failure.handled_by,
-            fate=failure.decided.fate,
+            fate=fate,
             fate_by=failure.decided.by,
             fate_at=failure.decided_at,
-            because_of=_follows(source, before, account.tree),
+            because_of=follows,
             choices=choices_before(run, source),
             observed=(),
             episode=episode,

@@ -77,6 +77,7 @@ def test_a_failure_that_recovery_cured(tmp_path: Path) -> None:
     assert (handling.time, handling.ended, handling.seconds) == (0.55, "SUCCESS", pytest.approx(0.2))
     assert (story.fate, story.fate_by, story.fate_at) == ("cured", RECOVER, 1.2)
     assert story.cured
+    assert story.remedy == ""  # the mission has one
     assert story.seconds_lost == pytest.approx(0.8)
 
 
@@ -92,6 +93,7 @@ def test_a_failure_that_a_loop_passes_over_after_giving_up(tmp_path: Path) -> No
     assert links(first) == [(DO, "FAILURE"), (RECOVER, "RUNNING"), (RECOVER, "FAILURE"), (LOOP, "SUCCESS")]
     assert (first.fate, first.fate_by, first.fate_at) == ("passed_over", LOOP, 1.4)
     assert [(h.handler, h.ended) for h in first.handled_by] == [("grasp.*", "SUCCESS")]
+    assert first.remedy == "observe again"
     assert links(second) == [(DO, "FAILURE"), (RECOVER, "FAILURE"), (LOOP, "SUCCESS")]
     assert [(h.handler, h.attempt, h.ended) for h in second.handled_by] == [("give_up", 2, "SUCCESS")]
     assert (second.attempt, second.fate, second.because_of) == (2, "passed_over", None)
@@ -116,7 +118,7 @@ def test_a_failing_handler_follows_from_what_it_handles(tmp_path: Path) -> None:
 def test_an_item_that_is_unknown_after_it_was_missed_was_lost_by_that(tmp_path: Path) -> None:
     _, second = stories(tmp_path, {**MISSED, 16: [begins(DO), begins(GRASP, ITEM),
                         *fails(GRASP, DO, RECOVER, cause="world.unknown_object"), ends(LOOP)]})  # fmt: skip
-    assert (second.cause, second.because_of) == ("world.unknown_object", 0)
+    assert (second.cause, second.because_of, second.remedy) == ("world.unknown_object", 0, "")
 
 
 def test_a_hand_that_is_not_free_follows_from_who_left_it_full(tmp_path: Path) -> None:
