@@ -120,8 +120,11 @@ class SeenWorld:
 
 
 def _first_names(belief: BodyTracks) -> Mapping[str, str]:
-    """Return the first name of each item: an item that is not at its place and appears at another one, or at
-    its place in another colour, gets a new name there."""
+    """Return the first name of each item.
+
+    An item that is not at its place and appears at another one, or at its place in another colour, gets a new
+    name there.
+    """
     tracks = [track for track in belief.tracks.values() if track.first.role == "item"]
     ends = {track.id for track in tracks if belief.gone(track.id) is not None}
     names: dict[str, str] = {}
