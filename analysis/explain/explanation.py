@@ -93,7 +93,7 @@ class FailureStory:
     sentence: str
     """Meaning of the cause; it concerns the cause, not this failure."""
     remedy: str
-    """First remedy to try; empty where the mission cured the failure, or where it follows from another one."""
+    """First remedy to try; empty where the mission cured the failure, or it follows from another one."""
     step: Annotated[str, "step of the skill that failed, such as `lift`; empty when the skill was in no step"]
     message: Annotated[str, "message of the node"]
     evidence: Values
