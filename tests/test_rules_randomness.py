@@ -237,8 +237,7 @@ def test_every_generator_is_keyed() -> None:
             if isinstance(node, ast.Call) and "random." in ast.unparse(node.func):
                 calls.setdefault(where, []).append(ast.unparse(node))
     assert calls == {
-        "analysis/explain/case.py": ["np.random.default_rng(0)"],  # of an analysis; no run depends on it
-        # Where inverse kinematics begins, and what a failure is looked into with, are always the same.
+        # Where inverse kinematics begins is always the same.
         "robot/planning/inverse_kinematics.py": [
             "np.random.default_rng(0).uniform(size=(SEED_COUNT, model.n))",
             "np.random.default_rng(0)",
