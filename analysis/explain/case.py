@@ -142,7 +142,10 @@ class Investigation:
     @cached_property
     def believed(self) -> Mapping[str, tuple[str, ...]]:
         """Believed items of each true one, the first seen first."""
-        return {true: tuple(i for i, t in self.pairs.items() if t == true) for true in self.pairs.values()}
+        found: defaultdict[str, list[str]] = defaultdict(list)
+        for item, true in self.pairs.items():
+            found[true].append(item)
+        return {true: tuple(items) for true, items in found.items()}
 
     @cached_property
     def departed(self) -> Mapping[str, str]:
@@ -344,22 +347,22 @@ class Investigation:
         points = np.array(frames).reshape(-1, 3)
         return np.vstack([points, (points[1:] + points[:-1]) / 2])
 
-    @property
+    @cached_property
     def cameras(self) -> Mapping[str, CameraDescription]:
         """Cameras of the scene by name."""
         return {c.name: c for c in self.scene.cameras} if self.scene else {}
 
-    @property
+    @cached_property
     def fixed_cameras(self) -> list[CameraDescription]:
         """Cameras of the scene that are mounted in the cell."""
         return [camera for camera in self.cameras.values() if camera.on == "world"]
 
-    @property
+    @cached_property
     def fixtures(self) -> Mapping[str, Fixture]:
         """Fixtures of the scene by id, without the table."""
         return {str(f.id): f for f in self.scene.fixtures if f.id != "table"} if self.scene else {}
 
-    @property
+    @cached_property
     def bins(self) -> Mapping[str, Bin]:
         return {str(b.id): b for b in self.scene.bins} if self.scene else {}
 
@@ -392,7 +395,7 @@ class Investigation:
         """Return a believed place when it is a bin or a hole; else an empty text."""
         return place if place in self.bins or place in self.holes else ""
 
-    @property
+    @cached_property
     def holes(self) -> frozenset[str]:
         """Ids of the holes of all fixtures."""
         return frozenset(str(hole.id) for fixture in self.fixtures.values() for hole in fixture.holes)

@@ -204,11 +204,8 @@ def _condition(case: Investigation) -> Finding | None:
     root = next((v for v in case.family.visits if v.parent is None and v.outcome == "FAILURE"), None)
     if root is None or root.cause:
         return None
-    visit: node_visits.Visit | None = root
-    while visit is not None:
-        root = visit
-        below = [v for v in case.family.children(root) if v.outcome == "FAILURE" and not v.cause]
-        visit = below[-1] if below else None
+    while below := [v for v in case.family.children(root) if v.outcome == "FAILURE" and not v.cause]:
+        root = below[-1]
     condition = case.ports(root.path).get("if", "") or root.message or root.name
     title = f"a condition did not hold, and the mission ends there: {condition}"
     reasons = (f"{root.path} was checked at {seconds(root.end)}",)
